@@ -7,6 +7,7 @@ use taxel_can::{ArrayCounters, SourceAddress};
 use taxel_diagnose::{CurrentProblem, Kind, Place, Problems, Severity};
 use taxel_hand::Fault;
 use taxel_joints::JointsConfig;
+use taxel_skin::{Layout, TaxelReading};
 use taxel_wire::status::{
     ArrayStatus, BoardStatus, BusStatus, ControlStatus, ErrorCounterStatus, ErrorFrameStatus, ImagesStatus,
     ProblemStatus, QuantileStatus, Status, TaxelStatus, TickStatus,
@@ -71,12 +72,13 @@ impl State {
             joints,
             faults: (snapshot.force.faults.iter().enumerate())
                 .filter(|(_, faults)| !faults.is_empty())
-                .map(|(taxel, faults)| TaxelStatus {
-                    taxel,
-                    module: layout.module_of(taxel).name.clone(),
-                    k: layout.k[taxel],
-                    reasons: faults.iter().map(|fault: Fault| fault.name().into()).collect(),
+                .map(|(taxel, faults)| {
+                    let reasons = faults.iter().map(|fault: Fault| fault.name().into());
+                    taxel_status(layout, taxel, reasons.collect())
                 })
+                .collect(),
+            saturated: saturated(layout, &snapshot)
+                .map(|taxel| taxel_status(layout, taxel, vec!["saturated".into()]))
                 .collect(),
             control,
             subscribers: roster.subscriber_status(),
@@ -175,6 +177,29 @@ impl State {
 }
 
 /// The names of the kinds of problems of one bus, board or joint.
+fn taxel_status(layout: &Layout, taxel: usize, reasons: Vec<String>) -> TaxelStatus {
+    TaxelStatus {
+        taxel,
+        module: layout.module_of(taxel).name.clone(),
+        k: layout.k[taxel],
+        reasons,
+    }
+}
+
+/// The taxels in use that are at an end of their range.
+fn saturated<'a>(layout: &'a Layout, snapshot: &'a Snapshot) -> impl Iterator<Item = usize> + 'a {
+    (0..layout.len()).filter(|taxel| {
+        let reading = TaxelReading {
+            taxel: *taxel as u16,
+            counts: snapshot.counts[*taxel],
+            status: snapshot.status[*taxel],
+        };
+        snapshot.written
+            && snapshot.force.faults[*taxel].is_empty()
+            && layout.wiring_of(*taxel).protocol.is_saturated(&reading)
+    })
+}
+
 fn names(problems: &Problems, place: Place) -> Vec<String> {
     let kinds = problems.kinds(place).into_iter();
     kinds.map(|kind: Kind| kind.name().into()).collect()

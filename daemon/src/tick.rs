@@ -318,7 +318,8 @@ impl TickThread {
         for (module, board) in snapshot.boards.iter_mut().enumerate() {
             *board = engine.board(module as u16);
         }
-        snapshot.take_force(&engine.frames().force);
+        let frames = engine.frames();
+        snapshot.take_force(&frames.tactile, &frames.force);
         for (taxel, unchanging) in snapshot.unchanging.iter_mut().enumerate() {
             *unchanging = engine.conditioner().is_unchanging(taxel);
         }

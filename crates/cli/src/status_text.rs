@@ -62,10 +62,14 @@ fn write_images(status: &Status, out: &mut String) -> std::fmt::Result {
 fn write_hand(status: &Status, out: &mut String) -> std::fmt::Result {
     writeln!(
         out,
-        "hand     {} in contact, {} missing, {} faulty; contact threshold {}",
+        "hand     {} in contact, {} missing, {} faulty{}; contact threshold {}",
         status.contacts,
         status.missing,
         status.faulty,
+        match status.saturated.len() {
+            0 => String::new(),
+            saturated => format!(", {saturated} saturated"),
+        },
         match status.calibrating {
             true => "not known yet".to_owned(),
             false => format!("{:.0}", status.threshold),
@@ -242,12 +246,13 @@ mod tests {
         let text = of(&status(json!({
             "joints": { "source": "dynamixel:/dev/ttyUSB0", "state": "connected", "cycle_hz": 100.0,
                 "joints": [{ "name": "index 0", "state": "silent" }, { "name": "index 1", "angle_rad": 0.1 }] },
+            "saturated": [{ "taxel": 3, "module": "index tip", "k": 3, "reasons": ["saturated"] }],
             "problems": [{ "sentence": "can0: nobody acknowledges; is the hand switched on?", "severe": true, "since_s": 4.0 }],
         })));
         for line in [
             "taxeld 0.1.0 on allegro-uskin-15, up 3 h 12 min: running",
             "images   30.0 Hz (timer), 345600 made, 0 overruns, 0 unpublished; tick p50 81 us p99 1.2 ms",
-            "hand     12 in contact, 0 missing, 0 faulty",
+            "hand     12 in contact, 0 missing, 0 faulty, 1 saturated",
             "buses    can0     up error-active, 0 frames/s, load 0 %, 9 used, 2 late",
             "boards   1 of 2 speak",
             "         index tip (can0, board 3) silent",

@@ -24,6 +24,10 @@ struct ImageLine<'a> {
     skipped: u32,
     /// Whether the baseline is being measured, so that the image is empty.
     calibrating: bool,
+    /// Whether a taxel is at an end of its range.
+    saturated: bool,
+    /// Whether a taxel has the values of its neighbours.
+    repaired: bool,
 }
 
 #[derive(Debug, Serialize)]
@@ -64,6 +68,8 @@ pub fn json(header: &Header, image: &ImageView<'_>, latency_ns: Option<i64>) -> 
             .collect(),
         skipped: header.skipped,
         calibrating: header.flags.contains(Flags::CALIBRATING),
+        saturated: header.flags.contains(Flags::SATURATED),
+        repaired: header.flags.contains(Flags::REPAIRED),
     };
     serde_json::to_string(&line).expect("numbers and lists always serialise")
 }
@@ -185,13 +191,19 @@ mod tests {
                 {"id": 1, "x": 0, "y": 1, "level": 1, "force": 40.5},
             ],
             "contacts": 2, "faulty": 1, "missing": 0, "joints": [0.5, null], "skipped": 3, "calibrating": false,
+            "saturated": false, "repaired": false,
         });
         assert_eq!(value, expected);
-        let calibrating = TactileImage {
+        let all = TactileImage {
             calibrating: true,
+            repaired: true,
             ..image()
         };
-        assert!(lines(&calibrating, None, 0).0.contains("\"calibrating\":true"));
+        let (all, _) = lines(&all, None, 0);
+        assert!(
+            all.contains("\"calibrating\":true") && all.contains("\"repaired\":true"),
+            "{all}"
+        );
         assert!(!json.contains('\n'));
     }
 

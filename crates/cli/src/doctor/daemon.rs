@@ -124,7 +124,7 @@ pub(super) fn check(status: &Status) -> Vec<Check> {
         );
         checks.push(paused.advise("`taxel resume`"));
     }
-    for fault in &status.faults {
+    for fault in status.faults.iter().chain(&status.saturated) {
         // Taxels of a silent board are all missing, which its board says already.
         if fault.reasons != ["missing"] {
             let object = format!("{} k {}", fault.module, fault.k);
@@ -255,6 +255,9 @@ pub(super) fn marks(status: &Status, layout: &Layout) -> Option<Vec<Option<char>
         return None;
     }
     let mut marks = vec![None; layout.len()];
+    for saturated in &status.saturated {
+        *marks.get_mut(saturated.taxel)? = Some(picture::SATURATED);
+    }
     for fault in &status.faults {
         let mut faults = Faults::NONE;
         for known in Fault::ALL {
@@ -401,6 +404,17 @@ mod tests {
         let marks = marks(&parsed(running()), &layout).unwrap();
         assert_eq!(marks.iter().filter(|m| m.is_some()).count(), 1);
         assert_eq!(marks[5], Some('D'));
+        let mut status = running();
+        status["saturated"] = json!([{ "taxel": 3, "module": "module", "k": 3, "reasons": ["saturated"] }]);
+        assert_eq!(
+            super::marks(&parsed(status.clone()), &layout).unwrap()[3],
+            Some('X')
+        );
+        let told: Vec<_> = bad(status).into_iter().map(|c| (c.object, c.found)).collect();
+        assert!(
+            told.contains(&("module k 3".into(), "saturated".into())),
+            "{told:?}"
+        );
         assert!(super::marks(&parsed(running()), &Layout::builtin("cpm-finger").unwrap()).is_none());
     }
 

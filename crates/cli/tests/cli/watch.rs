@@ -48,6 +48,8 @@ fn watch_prints_one_object_per_image_with_the_keys_of_the_contract() {
         "joints",
         "skipped",
         "calibrating",
+        "saturated",
+        "repaired",
     ];
     contract.sort_unstable();
     assert_eq!(keys, contract);

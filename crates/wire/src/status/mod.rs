@@ -63,6 +63,8 @@ report! {
         joints: Option<JointsStatus>,
         /// The taxels out of use.
         faults: Vec<TaxelStatus>,
+        /// The taxels in use that are at an end of their range in the newest frame; the reason is `saturated`.
+        saturated: Vec<TaxelStatus>,
         /// The connections to the control sockets.
         control: ControlStatus,
         /// Who is connected.
