@@ -2,6 +2,7 @@
 
 mod begun_in_a_touch;
 mod categorize;
+mod categorize_sweep;
 mod compress;
 mod config;
 mod counts;

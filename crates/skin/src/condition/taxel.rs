@@ -196,7 +196,8 @@ impl Taxel {
             return false;
         }
         track.stillness = track.stillness.after(raw != self.repair.newest(place), t_ns);
-        let moving = track.stillness.is_over();
+        // The first sample is no change: what was known before may be that it is stuck.
+        let moving = !first && track.stillness.is_over();
         let stuck = !track.may_rest && track.stillness.is_stuck(t_ns, &rules.health);
         self.health
             .handle_sample(moving, stuck, self.has_baseline, &rules.health);

@@ -60,7 +60,7 @@ fn a_skin_whose_counts_change_now_and_then_has_no_stuck_taxel_and_holds_what_is_
                 }
             });
         };
-        while !skin.conditioner.report().is_some_and(|report| report.frames > 0) {
+        while skin.conditioner.is_calibrating() {
             step(&mut skin);
         }
         press(&mut skin, 3, 900);
