@@ -13,7 +13,9 @@ use std::ops::Deref;
 use std::sync::Arc;
 use taxel_hand::Profile;
 use taxel_wire::status::ProblemStatus;
-use taxel_wire::{Clock, Event, EventKind, Flags, Header, Hello, ImageView, RawView, Status, WireActuator};
+use taxel_wire::{
+    Clock, Event, EventKind, Flags, Header, Hello, ImageView, RawView, Received, Status, WireActuator,
+};
 
 /// A sentence of the daemon or about a key stays for so long.
 const NOTE_NS: u64 = 6_000_000_000;
@@ -184,6 +186,18 @@ impl Seen {
         self.newest.taxels.clear();
     }
 
+    /// A message, and when it came on the clock of the images' times, nanoseconds.
+    pub fn see(&mut self, received: Received<'_>, now_ns: u64) {
+        match received {
+            Received::Hello(hello) => self.see_hello(hello, now_ns),
+            Received::Image(header, image) => self.see_image(&header, &image, now_ns),
+            Received::Raw(header, raw) => self.see_raw(&header, &raw),
+            Received::Status(_, status) => self.see_status(status),
+            Received::Event(_, event) => self.see_event(event, now_ns),
+            Received::Touch(..) | Received::Estimate(..) | Received::Other(_) => {}
+        }
+    }
+
     /// A description of hand and display. One that describes no hand is told as a note; one without a unit of forces is of
     /// magnitudes, which no counts belong to.
     pub fn see_hello(&mut self, hello: &Hello, now_ns: u64) {
@@ -199,7 +213,7 @@ impl Seen {
     }
 
     /// A status report.
-    pub fn see_status(&mut self, status: serde_json::Value) {
+    pub(crate) fn see_status(&mut self, status: serde_json::Value) {
         if let Ok(status) = Status::try_from(status) {
             self.paused = status.paused;
             self.status = Some(status);
@@ -207,7 +221,7 @@ impl Seen {
     }
 
     /// Something that the daemon tells people.
-    pub fn see_event(&mut self, event: Event, now_ns: u64) {
+    pub(crate) fn see_event(&mut self, event: Event, now_ns: u64) {
         match event.event {
             EventKind::Paused => self.paused = true,
             EventKind::Resumed => self.paused = false,

@@ -1,6 +1,8 @@
 //! What the demo's subscriber has seen of the scene that is played.
 
 use super::palpation::Palpation;
+use crate::view::lock;
+use std::sync::{Mutex, OnceLock};
 use taxel_sim::Scene;
 use taxel_skin::Layout;
 use taxel_view::{Heading, Seen};
@@ -13,18 +15,21 @@ pub(super) struct Meter {
     scene_began_ns: u64,
     /// Name of the hand, and what carries its frames.
     hand: String,
-    pub(super) seen: Seen,
+    pub(super) seen: Mutex<Seen>,
     /// Where touches fell, where a phantom is palpated.
-    pub(super) palpation: Option<Palpation>,
-    /// The daemon has closed the connection.
-    pub(super) closed: bool,
-    /// Why the connection failed, if it did.
-    pub(super) failure: Option<String>,
+    pub(super) palpation: Option<Mutex<Palpation>>,
+    /// The connection is over, and why, unless the daemon has closed it.
+    pub(super) end: OnceLock<Option<String>>,
 }
 
 impl Meter {
     /// Of a hand on which the scene began at this time on the images' clock, nanoseconds.
-    pub(super) fn new(layout: &Layout, scene_began_ns: u64, scene: &Scene) -> Self {
+    pub(super) fn new(
+        layout: &Layout,
+        scene_began_ns: u64,
+        scene: &Scene,
+        palpation: Option<Palpation>,
+    ) -> Self {
         let buses = match layout.buses.len() {
             1 => "1 bus".into(),
             buses => format!("{buses} buses"),
@@ -35,16 +40,15 @@ impl Meter {
             scene_seconds: scene.seconds(),
             scene_began_ns,
             hand: format!("{}, {} taxels on {buses}", layout.name, layout.len()),
-            seen: Seen::new(),
-            palpation: None,
-            closed: false,
-            failure: None,
+            seen: Mutex::default(),
+            palpation: palpation.map(Mutex::new),
+            end: OnceLock::new(),
         }
     }
 
     /// The scene and how far it is.
-    pub(super) fn heading(&self) -> Heading {
-        let played_s = self.seen.t_ns().saturating_sub(self.scene_began_ns) as f64 / 1e9;
+    pub(super) fn heading(&self, seen: &Seen) -> Heading {
+        let played_s = seen.t_ns().saturating_sub(self.scene_began_ns) as f64 / 1e9;
         Heading {
             name: format!("scene {}", self.scene),
             detail: format!(
@@ -56,9 +60,17 @@ impl Meter {
         }
     }
 
+    /// Tells whoever is looking what happened by itself; the daemon's end is the demo's, and nothing to tell.
+    pub(super) fn tell(&self, words: String) {
+        if self.end.get().is_none() {
+            lock(&self.seen).tell(words, taxel_can::monotonic_ns());
+        }
+    }
+
     /// The whole run in a few lines.
     pub(super) fn summary(&self) -> String {
-        let display = match self.seen.hello().map(|hello| &hello.profile) {
+        let seen = lock(&self.seen);
+        let display = match seen.hello().map(|hello| &hello.profile) {
             Some(profile) => format!(
                 "method {}, {} levels, {} actuators",
                 profile.method, profile.levels, profile.actuators
@@ -68,13 +80,13 @@ impl Meter {
         let touches = self
             .palpation
             .as_ref()
-            .map(Palpation::summary)
+            .map(|palpation| lock(palpation).summary())
             .unwrap_or_default();
         format!(
             "{}: {}; {display}\n{}{touches}",
             self.scene,
             self.hand,
-            self.seen.summary(self.scene_began_ns)
+            seen.summary(self.scene_began_ns)
         )
     }
 }
@@ -87,13 +99,10 @@ mod tests {
     fn the_heading_tells_the_scene_and_the_summary_the_hand() {
         let layout = Layout::builtin("allegro-uskin-15").unwrap();
         let scene = Scene::builtin("tap").unwrap();
-        let meter = Meter::new(&layout, 1_000_000_000, &scene);
-        assert_eq!(meter.heading().name, "scene tap");
-        assert!(
-            meter.heading().detail.starts_with(" 0.0 of "),
-            "{:?}",
-            meter.heading()
-        );
+        let meter = Meter::new(&layout, 1_000_000_000, &scene, None);
+        let heading = meter.heading(&lock(&meter.seen));
+        assert_eq!(heading.name, "scene tap");
+        assert!(heading.detail.starts_with(" 0.0 of "), "{heading:?}");
         let summary = meter.summary();
         assert!(
             summary.starts_with("tap: allegro-uskin-15, 240 taxels on 2 buses; no display\n"),

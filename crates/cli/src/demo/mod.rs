@@ -7,28 +7,29 @@ mod session;
 
 use crate::categorize::PhantomMap;
 use crate::compress::{method_parser, methods};
+use crate::control;
 use crate::offline::preset_parser;
 use crate::piped_file::layout_parser;
 use crate::seconds::seconds;
 use crate::sim::{resolve, scene_parser};
-use crate::terminal::{self, Shown};
-use anyhow::{Context, bail};
+use crate::terminal;
+use crate::view::{Source, lock, look, print, request_of};
+use anyhow::bail;
 use meter::Meter;
-use palpation::Palpating;
-use ratatui::Frame;
-use ratatui::crossterm::event::KeyEvent;
+use palpation::{Palpating, Palpation};
+use ratatui::buffer::Buffer;
+use ratatui::layout::Rect;
 use serde_json::json;
-use session::{Control, Session};
-use std::io::Write;
-use std::sync::{Arc, Mutex, MutexGuard};
+use session::Session;
+use std::sync::Arc;
 use std::time::{Duration, Instant};
-use taxel_hand::{Method, Profile};
+use taxel_hand::Method;
 use taxel_playback::interrupt::Interrupt;
 use taxel_playback::remarks::Remarks;
 use taxel_sim::{Scene, with_stand_in_boards};
 use taxel_skin::{Layout, Preset};
-use taxel_view::{Action, Palette, Screen};
-use taxel_wire::{ReadError, Received, Subscriber};
+use taxel_view::{Action, Heading, Palette, Screen, Seen};
+use taxel_wire::{ReadError, Subscriber};
 
 /// The scene of the default hand, and the one of any.
 const GRASP: &str = "ball-grasp";
@@ -107,11 +108,12 @@ pub(crate) fn run(args: &Args) -> anyhow::Result<()> {
             limit.as_secs_f64()
         );
     }
-    let meter = Arc::new(Mutex::new(Meter::new(
+    let meter = Arc::new(Meter::new(
         &session.layout,
         session.scene_began_ns,
         &scene,
-    )));
+        map.as_ref().map(Palpation::new),
+    ));
     let reader = {
         let (meter, subscriber) = (meter.clone(), session.subscribe()?);
         std::thread::Builder::new()
@@ -119,21 +121,19 @@ pub(crate) fn run(args: &Args) -> anyhow::Result<()> {
             .spawn(move || read(subscriber, &meter))?
     };
     let palpating = map.map(|map| {
-        let sockets = [session.images.clone(), session.control.0.clone()];
-        Palpating::start(&scene, map, session.began, sockets, &meter)
+        let sockets = [session.images.clone(), session.control.clone()];
+        Palpating::start(&scene, map.live, session.began, sockets, &meter)
     });
     let palpating = palpating.transpose()?;
     let outcome = match headless {
         true => wait(&interrupt, deadline, &meter),
         false => {
-            let mut show = Show {
+            let played = Played {
                 meter: &meter,
-                control: &session.control,
-                own: session.profile.clone(),
-                screen: Screen::new(),
-                palette: Palette::of_terminal(),
+                session: &session,
             };
-            terminal::show(&mut show, &interrupt, deadline, Remarks::gather())
+            let (screen, remarks) = (Screen::new(), Remarks::gather());
+            look(&meter.seen, &played, screen, &interrupt, deadline, remarks)
         }
     };
     drop(palpating);
@@ -142,15 +142,11 @@ pub(crate) fn run(args: &Args) -> anyhow::Result<()> {
     let _ = reader.join();
     outcome?;
     stopped?;
-    let meter = lock(&meter);
-    if let Some(failure) = &meter.failure {
+    if let Some(Some(failure)) = meter.end.get() {
         bail!("the demo's daemon: {failure}");
     }
-    let mut out = std::io::stdout().lock();
-    out.write_all(meter.summary().as_bytes())
-        .and_then(|()| out.flush())
-        .context("stdout")?;
-    if meter.seen.images() == 0 {
+    print(&meter.summary())?;
+    if lock(&meter.seen).images() == 0 {
         bail!(
             "no image came; give it more than --seconds {}",
             args.seconds.unwrap_or(of_scene).as_secs_f64()
@@ -182,40 +178,26 @@ fn scene_and_layout(args: &Args) -> anyhow::Result<(String, Layout)> {
     Ok((name.into(), with_stand_in_boards(&layout)?))
 }
 
-fn lock(meter: &Mutex<Meter>) -> MutexGuard<'_, Meter> {
-    // A reader that panicked leaves numbers that can still be read.
-    meter.lock().unwrap_or_else(|e| e.into_inner())
-}
-
 /// Takes what the daemon publishes until it closes the connection.
-fn read(mut subscriber: Subscriber, meter: &Mutex<Meter>) {
+fn read(mut subscriber: Subscriber, meter: &Meter) {
     loop {
         match subscriber.next() {
-            Ok(Received::Hello(hello)) => lock(meter).seen.see_hello(hello, taxel_can::monotonic_ns()),
-            Ok(Received::Image(header, image)) => {
-                let now_ns = taxel_can::monotonic_ns();
-                lock(meter).seen.see_image(&header, &image, now_ns);
-            }
-            Ok(Received::Raw(header, raw)) => lock(meter).seen.see_raw(&header, &raw),
-            Ok(Received::Status(_, status)) => lock(meter).seen.see_status(status),
-            Ok(Received::Event(_, event)) => lock(meter).seen.see_event(event, taxel_can::monotonic_ns()),
-            Ok(_) => {}
-            Err(error) => {
-                let mut meter = lock(meter);
-                meter.closed = true;
-                if !matches!(error, ReadError::Closed) {
-                    meter.failure = Some(error.to_string());
-                }
+            Ok(received) => lock(&meter.seen).see(received, taxel_can::monotonic_ns()),
+            Err(error) if error.is_end() => {
+                let failure = (!matches!(error, ReadError::Closed)).then(|| error.to_string());
+                let _ = meter.end.set(failure);
                 return;
             }
+            // The next message may be read.
+            Err(error) => meter.tell(error.to_string()),
         }
     }
 }
 
 /// Until the time is up, Ctrl-C, or the daemon's end.
-fn wait(interrupt: &Interrupt, deadline: Option<Instant>, meter: &Mutex<Meter>) -> anyhow::Result<()> {
+fn wait(interrupt: &Interrupt, deadline: Option<Instant>, meter: &Meter) -> anyhow::Result<()> {
     let look = Duration::from_millis(50);
-    while !lock(meter).closed && deadline.is_none_or(|deadline| Instant::now() < deadline) {
+    while meter.end.get().is_none() && deadline.is_none_or(|deadline| Instant::now() < deadline) {
         let next = Instant::now() + look;
         if !interrupt.sleep_until(deadline.map_or(next, |deadline| next.min(deadline))) {
             break;
@@ -224,73 +206,46 @@ fn wait(interrupt: &Interrupt, deadline: Option<Instant>, meter: &Mutex<Meter>) 
     Ok(())
 }
 
-/// What is drawn, and what keys do.
-struct Show<'a> {
-    meter: &'a Mutex<Meter>,
-    control: &'a Control,
-    /// The profile that the demo was started with.
-    own: Profile,
-    screen: Screen,
-    palette: Palette,
+/// The scene that is played, and the daemon that keys ask.
+struct Played<'a> {
+    meter: &'a Meter,
+    session: &'a Session,
 }
 
-impl Shown for Show<'_> {
-    fn draw(&mut self, frame: &mut Frame<'_>) -> bool {
-        let (picture, heading, palpation) = {
-            let mut meter = lock(self.meter);
-            if meter.closed {
-                return false;
-            }
-            let picture = meter.seen.picture(&self.screen, taxel_can::monotonic_ns());
-            (picture, meter.heading(), meter.palpation.clone())
-        };
-        let Some(picture) = picture else { return true };
-        let (area, palette) = (frame.area(), self.palette);
-        let buffer = frame.buffer_mut();
-        let has_map = palpation.is_some();
-        let map = taxel_view::draw(buffer, area, &picture, &self.screen, &heading, palette, has_map);
-        if let (Some(map), Some(palpation)) = (map, &palpation) {
-            palpation::draw(buffer, map, palpation, palette);
-        }
-        true
+impl Source for Played<'_> {
+    fn heading(&self, seen: &Seen) -> Heading {
+        self.meter.heading(seen)
     }
 
-    fn key(&mut self, key: KeyEvent) -> bool {
-        let action = {
-            let seen = &mut lock(self.meter).seen;
-            seen.hush();
-            self.screen.key(key, seen)
-        };
+    fn now_ns(&self, _: &Seen) -> u64 {
+        taxel_can::monotonic_ns()
+    }
+
+    fn is_over(&self) -> bool {
+        self.meter.end.get().is_some()
+    }
+
+    fn act(&self, action: Action) -> Option<String> {
         let request = match action {
-            Action::Quit => return false,
-            Action::Rezero => json!({ "cmd": "rezero" }),
-            Action::Pause(true) => json!({ "cmd": "pause" }),
-            Action::Pause(false) => json!({ "cmd": "resume" }),
-            Action::Mark(text) => json!({ "cmd": "mark", "text": text }),
             // This view is the only display.
             Action::Profile(profile) => {
-                json!({ "cmd": "profile", "profile": profile.map_or_else(|| self.own.clone(), |profile| *profile) })
+                let profile = profile.as_deref().unwrap_or(&self.session.profile);
+                json!({ "cmd": "profile", "profile": profile })
             }
-            Action::Record => {
-                self.say("the demo records nothing; `taxel view` does, of a daemon".into());
-                return true;
-            }
-            _ => return true,
+            Action::Record => return Some("the demo records nothing; `taxel view` does, of a daemon".into()),
+            action => request_of(&action)?,
         };
-        if let Err(error) = self.control.request(&request) {
-            self.say(format!("{error:#}"));
+        let refused = control::request(&self.session.control, &request).err()?;
+        Some(format!("{refused:#}"))
+    }
+
+    fn has_pane(&self) -> bool {
+        self.meter.palpation.is_some()
+    }
+
+    fn draw_pane(&self, buffer: &mut Buffer, area: Rect, palette: Palette) {
+        if let Some(palpation) = &self.meter.palpation {
+            palpation::draw(buffer, area, &lock(palpation), palette);
         }
-        true
-    }
-
-    fn tell(&mut self, words: String) {
-        lock(self.meter).seen.tell(words, taxel_can::monotonic_ns());
-    }
-}
-
-impl Show<'_> {
-    /// Shows what became of a key.
-    fn say(&self, words: String) {
-        lock(self.meter).seen.say(words, taxel_can::monotonic_ns());
     }
 }

@@ -1,15 +1,16 @@
 //! A palpated phantom in the demo's picture: touches on the map of the first two components.
 
-use super::{Meter, lock};
+use super::Meter;
 use crate::categorize::{Categorised, Listener, Live, PhantomMap, Source, Untold, follow, label_of};
 use crate::scene_marks::SceneMarks;
+use crate::view::lock;
 use ratatui::buffer::Buffer;
 use ratatui::layout::{Constraint, Layout as Split, Rect};
 use ratatui::style::{Color, Modifier, Style};
 use ratatui::text::{Line, Span};
 use ratatui::widgets::{Block, Widget};
 use std::path::{Path, PathBuf};
-use std::sync::{Arc, Mutex};
+use std::sync::Arc;
 use std::time::Instant;
 use taxel_sim::Scene;
 use taxel_view::Palette;
@@ -43,7 +44,7 @@ pub(super) struct Palpation {
 }
 
 impl Palpation {
-    fn new(map: &PhantomMap) -> Self {
+    pub(super) fn new(map: &PhantomMap) -> Self {
         Self {
             map: map
                 .places
@@ -86,52 +87,41 @@ pub(super) struct Palpating {
 }
 
 impl Palpating {
-    /// Makes the map, the scene's marks, and a reader on a thread of its own that puts touches onto the map.
+    /// Makes the scene's marks, and a reader on a thread of its own that puts touches onto the map.
     pub(super) fn start(
         scene: &Scene,
-        map: PhantomMap,
+        live: Live,
         began: Instant,
         [images, control]: [PathBuf; 2],
-        meter: &Arc<Mutex<Meter>>,
+        meter: &Arc<Meter>,
     ) -> anyhow::Result<Self> {
-        lock(meter).palpation = Some(Palpation::new(&map));
         let told = meter.clone();
-        let marks = SceneMarks::start(scene, began, control, move |text| {
-            let mut meter = lock(&told);
-            if !meter.closed {
-                meter.seen.tell(text, taxel_can::monotonic_ns());
-            }
-        })?;
+        let marks = SceneMarks::start(scene, began, control, move |text| told.tell(text))?;
         let mut onto_map = OntoMap(meter.clone());
         std::thread::Builder::new()
             .name("touches".into())
-            .spawn(move || onto_map.follow(&images, map.live))?;
+            .spawn(move || onto_map.follow(&images, live))?;
         Ok(Self { _marks: marks })
     }
 }
 
 /// Puts touches onto the map of the meter.
-struct OntoMap(Arc<Mutex<Meter>>);
+struct OntoMap(Arc<Meter>);
 
 impl OntoMap {
     fn follow(&mut self, images: &Path, live: Live) {
         let outcome = follow(Source::of(images), live, self);
-        let mut meter = lock(&self.0);
-        // The daemon's end is the demo's.
-        if let (Err(error), false) = (outcome, meter.closed) {
-            meter
-                .seen
-                .tell(format!("touches: {error:#}"), taxel_can::monotonic_ns());
+        if let Err(error) = outcome {
+            self.0.tell(format!("touches: {error:#}"));
         }
     }
 }
 
 impl Listener for OntoMap {
     fn touch(&mut self, touch: Result<Categorised, Untold>, _: u64, _: u64) -> anyhow::Result<()> {
-        let mut meter = lock(&self.0);
-        match (touch, &mut meter.palpation) {
-            (Ok(touch), Some(palpation)) => palpation.touch(touch),
-            (Err(error), _) => meter.seen.tell(format!("{error:#}"), taxel_can::monotonic_ns()),
+        match (touch, &self.0.palpation) {
+            (Ok(touch), Some(palpation)) => lock(palpation).touch(touch),
+            (Err(error), _) => self.0.tell(format!("{error:#}")),
             (Ok(_), None) => {}
         }
         Ok(())

@@ -1,7 +1,6 @@
 //! The demo's own daemon, its subscriber and its control socket.
 
 use super::Args;
-use crate::control;
 use anyhow::Context;
 use std::path::PathBuf;
 use std::time::Instant;
@@ -20,7 +19,7 @@ use tempfile::TempDir;
 pub(super) struct Session {
     daemon: Daemon,
     pub(super) images: PathBuf,
-    pub(super) control: Control,
+    pub(super) control: PathBuf,
     /// When the scene began, on the clock of the images' times, nanoseconds.
     pub(super) scene_began_ns: u64,
     pub(super) began: Instant,
@@ -32,9 +31,6 @@ pub(super) struct Session {
     /// Removed, with the sockets in it, when the session ends.
     _directory: TempDir,
 }
-
-/// The daemon's control socket.
-pub(super) struct Control(pub(super) PathBuf);
 
 impl Session {
     /// Starts the daemon. Images are made as soon as a sweep is complete.
@@ -73,7 +69,7 @@ impl Session {
         Ok(Self {
             daemon,
             images,
-            control: Control(control),
+            control,
             scene_began_ns,
             began,
             layout,
@@ -99,13 +95,6 @@ impl Session {
         self.daemon
             .stop()
             .map_err(|fault| anyhow::anyhow!("the demo's daemon: {fault}"))
-    }
-}
-
-impl Control {
-    /// Has the daemon do something.
-    pub(super) fn request(&self, request: &serde_json::Value) -> anyhow::Result<()> {
-        control::request(&self.0, request).map(drop)
     }
 }
 

@@ -1,10 +1,10 @@
 //! The hand of a running daemon.
 
 use super::recorder::Recorder;
-use super::{GLANCE_S, Sheet, Source, lock, look, print_summary};
+use super::{GLANCE_S, Sheet, Source, lock, look, print_summary, request_of};
 use crate::control;
 use crate::terminal;
-use serde_json::{Value, json};
+use serde_json::Value;
 use std::path::{Path, PathBuf};
 use std::sync::atomic::{AtomicBool, Ordering};
 use std::sync::{Arc, Mutex};
@@ -13,7 +13,7 @@ use taxel_hand::Profile;
 use taxel_playback::interrupt::Interrupt;
 use taxel_playback::remarks::Remarks;
 use taxel_view::{Action, Heading, Screen, Seen};
-use taxel_wire::{ReadError, Received, Subscribe, Subscriber};
+use taxel_wire::{ReadError, Subscribe, Subscriber};
 
 /// Images and raw frames asked for, per second: as many as are drawn.
 const RATE_HZ: f64 = 20.0;
@@ -71,7 +71,15 @@ pub(super) fn run(
         }
         None if terminal::can_draw() => {
             let remarks = Remarks::gather();
-            look(&daemon.seen, &*daemon, Screen::new(), &interrupt, limit, remarks)
+            let deadline = limit.map(|limit| Instant::now() + limit);
+            look(
+                &daemon.seen,
+                &*daemon,
+                Screen::new(),
+                &interrupt,
+                deadline,
+                remarks,
+            )
         }
         None => {
             glance();
@@ -97,7 +105,7 @@ impl Daemon {
 
     fn subscribe(&self, subscriber: &mut Subscriber) -> Result<(), ReadError> {
         self.asks.store(false, Ordering::Relaxed);
-        let profile = self.profile.lock().unwrap_or_else(|e| e.into_inner()).clone();
+        let profile = lock(&self.profile).clone();
         subscriber.subscribe(&Subscribe {
             raw: true,
             status: true,
@@ -144,15 +152,7 @@ impl Daemon {
             return Ok(());
         };
         let now_ns = taxel_can::monotonic_ns();
-        let mut seen = lock(&self.seen);
-        match received {
-            Received::Hello(hello) => seen.see_hello(hello, now_ns),
-            Received::Image(header, image) => seen.see_image(&header, &image, now_ns),
-            Received::Raw(header, raw) => seen.see_raw(&header, &raw),
-            Received::Status(_, status) => seen.see_status(status),
-            Received::Event(_, event) => seen.see_event(event, now_ns),
-            _ => {}
-        }
+        lock(&self.seen).see(received, now_ns);
         Ok(())
     }
 
@@ -197,23 +197,19 @@ impl Source for Daemon {
 
     fn act(&self, action: Action) -> Option<String> {
         match action {
-            Action::Rezero => self.request(&json!({ "cmd": "rezero" })),
-            Action::Pause(pause) => {
-                let cmd = if pause { "pause" } else { "resume" };
-                let refused = self.request(&json!({ "cmd": cmd }));
-                if refused.is_none() {
+            Action::Record => self.recorder.toggle(&self.images, &self.seen),
+            Action::Profile(profile) => {
+                *lock(&self.profile) = profile;
+                self.asks.store(true, Ordering::Relaxed);
+                None
+            }
+            action => {
+                let refused = self.request(&request_of(&action)?);
+                if let (Action::Pause(pause), None) = (action, &refused) {
                     lock(&self.seen).set_paused(pause);
                 }
                 refused
             }
-            Action::Mark(text) => self.request(&json!({ "cmd": "mark", "text": text })),
-            Action::Record => self.recorder.toggle(&self.images, &self.seen),
-            Action::Profile(profile) => {
-                *self.profile.lock().unwrap_or_else(|e| e.into_inner()) = profile;
-                self.asks.store(true, Ordering::Relaxed);
-                None
-            }
-            _ => None,
         }
     }
 }

@@ -15,6 +15,7 @@ use ratatui::Frame;
 use ratatui::buffer::Buffer;
 use ratatui::crossterm::event::KeyEvent;
 use ratatui::layout::Rect;
+use serde_json::{Value, json};
 use std::io::Write;
 use std::path::{Path, PathBuf};
 use std::sync::{Mutex, MutexGuard};
@@ -159,13 +160,24 @@ pub(crate) fn run(args: &Args) -> anyhow::Result<()> {
     }
 }
 
-fn lock(seen: &Mutex<Seen>) -> MutexGuard<'_, Seen> {
+pub(crate) fn lock<T>(seen: &Mutex<T>) -> MutexGuard<'_, T> {
     // A reader that panicked leaves numbers that can still be read.
     seen.lock().unwrap_or_else(|e| e.into_inner())
 }
 
+/// What a daemon is asked at its control socket for a key; `None` where that is no matter of the daemon's.
+pub(crate) fn request_of(action: &Action) -> Option<Value> {
+    match action {
+        Action::Rezero => Some(json!({ "cmd": "rezero" })),
+        Action::Pause(true) => Some(json!({ "cmd": "pause" })),
+        Action::Pause(false) => Some(json!({ "cmd": "resume" })),
+        Action::Mark(text) => Some(json!({ "cmd": "mark", "text": text })),
+        _ => None,
+    }
+}
+
 /// Where a picture comes from, and who does what a key asks.
-trait Source {
+pub(crate) trait Source {
     fn heading(&self, seen: &Seen) -> Heading;
     /// Now, on the clock of the images' times, nanoseconds.
     fn now_ns(&self, seen: &Seen) -> u64;
@@ -175,6 +187,12 @@ trait Source {
     }
     /// Does it; a sentence is for whoever pressed the key.
     fn act(&self, action: Action) -> Option<String>;
+    /// Whether it has one more pane, right of the hand.
+    fn has_pane(&self) -> bool {
+        false
+    }
+    /// Draws that pane, where there is room for it.
+    fn draw_pane(&self, _: &mut Buffer, _: Rect, _: Palette) {}
 }
 
 struct View<'a> {
@@ -197,16 +215,12 @@ impl Shown for View<'_> {
         let area = frame.area();
         match picture {
             Some(picture) => {
-                let (screen, palette) = (&self.screen, self.palette);
-                draw(
-                    frame.buffer_mut(),
-                    area,
-                    &picture,
-                    screen,
-                    &heading,
-                    palette,
-                    false,
-                );
+                let (screen, palette, has_pane) = (&self.screen, self.palette, self.source.has_pane());
+                let buffer = frame.buffer_mut();
+                let pane = draw(buffer, area, &picture, screen, &heading, palette, has_pane);
+                if let Some(pane) = pane {
+                    self.source.draw_pane(buffer, pane, palette);
+                }
             }
             None => frame.render_widget(format!(" {}: waiting for the hand; q quits", heading.name), area),
         }
@@ -242,12 +256,12 @@ impl Shown for View<'_> {
 }
 
 /// Draws until the person there has seen enough.
-fn look(
+pub(crate) fn look(
     seen: &Mutex<Seen>,
     source: &dyn Source,
     screen: Screen,
     interrupt: &Interrupt,
-    limit: Option<Duration>,
+    deadline: Option<Instant>,
     remarks: Remarks,
 ) -> anyhow::Result<()> {
     let mut view = View {
@@ -256,7 +270,6 @@ fn look(
         screen,
         palette: Palette::of_terminal(),
     };
-    let deadline = limit.map(|limit| Instant::now() + limit);
     terminal::show(&mut view, interrupt, deadline, remarks)
 }
 
@@ -277,7 +290,7 @@ fn print_summary(seen: &Seen, name: &str, began_ns: u64) -> anyhow::Result<()> {
     print(&text)
 }
 
-fn print(text: &str) -> anyhow::Result<()> {
+pub(crate) fn print(text: &str) -> anyhow::Result<()> {
     let mut out = std::io::stdout().lock();
     out.write_all(text.as_bytes())
         .and_then(|()| out.flush())

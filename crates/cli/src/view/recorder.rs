@@ -33,7 +33,7 @@ impl Ongoing {
 impl Recorder {
     /// The file that is being written.
     pub(super) fn file(&self) -> Option<String> {
-        let mut ongoing = self.0.lock().unwrap_or_else(|e| e.into_inner());
+        let mut ongoing = lock(&self.0);
         // One that has failed has said why.
         if ongoing
             .as_ref()
@@ -46,7 +46,7 @@ impl Recorder {
 
     /// Begins a recording in a file of its own in the current folder, or ends the one there is; what there is to say.
     pub(super) fn toggle(&self, images: &Path, seen: &Arc<Mutex<Seen>>) -> Option<String> {
-        let mut ongoing = self.0.lock().unwrap_or_else(|e| e.into_inner());
+        let mut ongoing = lock(&self.0);
         if let Some(ongoing) = ongoing.take() {
             return Some(ongoing.finish().join("; "));
         }
@@ -62,7 +62,7 @@ impl Recorder {
 
     /// Ends the recording, if there is one; what became of it.
     pub(super) fn finish(&self) -> Vec<String> {
-        let ongoing = self.0.lock().unwrap_or_else(|e| e.into_inner()).take();
+        let ongoing = lock(&self.0).take();
         ongoing.map_or(Vec::new(), Ongoing::finish)
     }
 }

@@ -99,7 +99,8 @@ pub(super) fn run(
             .spawn(move || player.repeat(&recording))?
     };
     let screen = Screen::of_recording();
-    let outcome = look(&player.seen, &*player, screen, &interrupt, limit, remarks);
+    let deadline = limit.map(|limit| Instant::now() + limit);
+    let outcome = look(&player.seen, &*player, screen, &interrupt, deadline, remarks);
     player.change(|pace| pace.over = true);
     let _ = thread.join();
     outcome?;
@@ -111,7 +112,7 @@ pub(super) fn run(
 
 impl Player {
     fn pace(&self) -> MutexGuard<'_, Pace> {
-        self.pace.lock().unwrap_or_else(|e| e.into_inner())
+        lock(&self.pace)
     }
 
     fn change(&self, change: impl FnOnce(&mut Pace)) {
