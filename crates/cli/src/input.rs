@@ -2,6 +2,7 @@
 
 use crate::piped_file::{layout_parser, recording_parser};
 use anyhow::{Context, bail};
+use std::cell::OnceCell;
 use std::path::PathBuf;
 use taxel_playback::head::Head;
 use taxel_playback::recorded;
@@ -54,6 +55,9 @@ pub(crate) struct InputArgs {
     /// Repeats the recording of one module on every module of the hand
     #[arg(long)]
     pub(crate) tile: bool,
+    /// What the beginning of an .mcap tells, once it was looked at.
+    #[arg(skip)]
+    head: OnceCell<Head>,
 }
 
 /// A recording, opened.
@@ -91,7 +95,9 @@ impl InputArgs {
         }
         if self.is_mcap() {
             self.refuse_file_options(&format!("{}, a recording", path.display()))?;
-            return Ok(match Head::read(path)?.has_can {
+        }
+        if let Some(head) = self.head()? {
+            return Ok(match head.has_can {
                 true => Input::Log(Traffic::mcap(path)),
                 false => Input::Frames(recorded::frames(path)?),
             });
@@ -216,11 +222,16 @@ impl InputArgs {
         if let Some(config) = configured {
             return Ok(config.layout.clone());
         }
-        let recorded = match self.is_mcap() {
-            true => Head::read(&self.path)?.layout()?,
-            false => None,
-        };
+        let recorded = self.head()?.map(Head::layout).transpose()?.flatten();
         Ok(recorded.map_or_else(|| Layout::resolve(default), Ok)?)
+    }
+
+    /// What the beginning of an .mcap tells; `None` of any other recording.
+    pub(crate) fn head(&self) -> anyhow::Result<Option<&Head>> {
+        if self.is_mcap() && self.head.get().is_none() {
+            let _ = self.head.set(Head::read(&self.path)?);
+        }
+        Ok(self.head.get())
     }
 
     /// Whether the layout named is a plain grid.

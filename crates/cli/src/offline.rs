@@ -10,7 +10,6 @@ use taxel_can::SourceAddress;
 use taxel_engine::TickMode;
 use taxel_hand::did_you_mean;
 use taxel_playback::calibrated::at_the_beginning;
-use taxel_playback::head::Head;
 use taxel_playback::log_interfaces::interfaces_of_buses;
 use taxel_playback::pipeline::{Emit, run_counts, run_magnitudes, run_traffic};
 use taxel_playback::scene_input;
@@ -78,10 +77,10 @@ impl OfflineArgs {
 
     /// The configuration named, or that of the recording.
     fn configured(&self) -> anyhow::Result<Option<Config>> {
-        match &self.config {
-            Some(path) => Ok(Some(Config::load_for_recordings(path)?)),
-            None if self.input.is_mcap() => Head::read(&self.input.path)?.config(),
-            None => Ok(None),
+        match (&self.config, self.input.head()?) {
+            (Some(path), _) => Ok(Some(Config::load_for_recordings(path)?)),
+            (None, Some(head)) => head.config(),
+            (None, None) => Ok(None),
         }
     }
 
@@ -187,8 +186,8 @@ impl OfflineArgs {
     /// Takes the recording through the daemon's pipeline, or magnitudes as they are, and shows what the skin feels.
     pub(crate) fn run(&self, input: &Input, config: &Config, emit: &mut Emit<'_>) -> anyhow::Result<()> {
         let mut engine = config.engine(false)?;
-        if self.input.is_mcap() {
-            engine.calibrated = at_the_beginning(&self.input.path, config)?;
+        if let Some(head) = self.input.head()? {
+            engine.calibrated = at_the_beginning(head, config)?;
         }
         match input {
             Input::Frames(recording) if !recording.has_counts() => self.magnitudes(recording, config, emit),

@@ -2,7 +2,6 @@
 //! a trigger, may begin in a grasp.
 
 use crate::head::{HEAD_NS, Head};
-use std::path::Path;
 use taxel_config::Config;
 use taxel_recorder::{Item, RecordedFrame, RecordingReader, Topic};
 use taxel_skin::Calibrated;
@@ -12,12 +11,12 @@ const MS: u64 = 1_000_000;
 
 /// What the daemon had calibrated in the first frame of a recording, where that holds for this configuration too. If not,
 /// the first `calibration_ms` are calibrated on, and it is said how many taxels were in contact meanwhile.
-pub fn at_the_beginning(path: &Path, config: &Config) -> anyhow::Result<Option<Calibrated>> {
-    let mut reader = RecordingReader::open(path, &[Topic::Frames])?;
+pub fn at_the_beginning(head: &Head, config: &Config) -> anyhow::Result<Option<Calibrated>> {
+    let mut reader = RecordingReader::open(head.path(), &[Topic::Frames])?;
     if !reader.may_hold(Topic::Frames) {
         return Ok(None);
     }
-    let is_of_it = is_of_it(path, config)?;
+    let is_of_it = is_of_it(head, config)?;
     let window_ns = config.conditioning.calibration_ms.saturating_mul(MS);
     let (mut began_ns, mut touched) = (None, vec![false; config.layout.len()]);
     while let Some(item) = reader.next_item()? {
@@ -46,7 +45,7 @@ pub fn at_the_beginning(path: &Path, config: &Config) -> anyhow::Result<Option<C
         eprintln!(
             "taxel: {}: its first {} ms are taken for an untouched hand, but {touched} taxels were in contact; contacts may \
              be missing, and others be shown that never were",
-            path.display(),
+            head.path().display(),
             config.conditioning.calibration_ms
         );
     }
@@ -54,8 +53,7 @@ pub fn at_the_beginning(path: &Path, config: &Config) -> anyhow::Result<Option<C
 }
 
 /// Whether the daemon calibrated as this configuration says, as far as the recording tells.
-fn is_of_it(path: &Path, config: &Config) -> anyhow::Result<bool> {
-    let head = Head::read(path)?;
+fn is_of_it(head: &Head, config: &Config) -> anyhow::Result<bool> {
     if let Some(recorded) = head.config()? {
         return Ok(recorded.conditioning == config.conditioning);
     }

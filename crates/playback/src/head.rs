@@ -17,7 +17,7 @@ pub const LAYOUT: &str = "layout.toml";
 pub(crate) const HEAD_NS: u64 = 10_000_000_000;
 
 /// What the first seconds of a recording tell.
-#[derive(Debug, Default)]
+#[derive(Debug, Default, Clone)]
 pub struct Head {
     path: PathBuf,
     config: Option<String>,
@@ -110,6 +110,11 @@ impl Head {
                 builtin: Layout::builtin_names().collect::<Vec<_>>().join(", "),
             }),
         }
+    }
+
+    /// The recording.
+    pub(crate) fn path(&self) -> &Path {
+        &self.path
     }
 
     /// What the daemon said of itself and the hand (HELLO), where it is there.
