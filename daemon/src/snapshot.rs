@@ -4,7 +4,7 @@ use hdrhistogram::Histogram;
 use taxel_can::{LinkState, SourceCounters};
 use taxel_hand::{Fault, ForceFrame, TactileFrame};
 use taxel_joints::JointsSnapshot;
-use taxel_skin::{BoardStatus, BusCounters, BusLoad, Finding};
+use taxel_skin::{BoardStatus, BusCounters, BusLoad, ConditionCounters, Finding};
 
 /// Findings that are reported at once.
 const MOST_FINDINGS: usize = 64;
@@ -48,6 +48,8 @@ pub(crate) struct Snapshot {
     pub(crate) missing: usize,
     /// Taxels out of use for another reason.
     pub(crate) faulty: usize,
+    /// What conditioning made of their counts.
+    pub(crate) conditioning: ConditionCounters,
     /// Whether images are paused.
     pub(crate) paused: bool,
     /// Joint angles, and what each joint has delivered.
@@ -97,6 +99,7 @@ impl Snapshot {
             contacts: 0,
             missing: 0,
             faulty: 0,
+            conditioning: ConditionCounters::default(),
             paused: false,
             joints: JointsSnapshot::new(joints),
             joints_source: SourceCounters::default(),

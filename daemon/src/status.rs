@@ -7,10 +7,10 @@ use taxel_can::{ArrayCounters, SourceAddress};
 use taxel_diagnose::{CurrentProblem, Kind, Place, Problems, Severity};
 use taxel_hand::Fault;
 use taxel_joints::JointsConfig;
-use taxel_skin::{Layout, TaxelReading};
+use taxel_skin::{ConditionCounters, Layout, TaxelReading};
 use taxel_wire::status::{
-    ArrayStatus, BoardStatus, BusStatus, ControlStatus, ErrorCounterStatus, ErrorFrameStatus, ImagesStatus,
-    ProblemStatus, QuantileStatus, Status, TaxelStatus, TickStatus,
+    ArrayStatus, BoardStatus, BusStatus, ConditioningStatus, ControlStatus, ErrorCounterStatus,
+    ErrorFrameStatus, ImagesStatus, ProblemStatus, QuantileStatus, Status, TaxelStatus, TickStatus,
 };
 
 impl State {
@@ -53,6 +53,7 @@ impl State {
             contacts: snapshot.contacts,
             missing: snapshot.missing,
             faulty: snapshot.faulty,
+            conditioning: conditioning_status(&snapshot.conditioning),
             profile: roster.own_profile(),
             profiles: roster.profile_status(),
             profile_budget: roster.profile_budget(),
@@ -223,6 +224,21 @@ fn board_status(board: &taxel_skin::BoardStatus, now_ns: u64) -> BoardStatus {
         period_ms: board.period_ns.map(|period| period as f64 / 1e6),
         silent_ms: board.last_ns.map(|last| now_ns.saturating_sub(last) / 1_000_000),
         ..BoardStatus::default()
+    }
+}
+
+fn conditioning_status(counters: &ConditionCounters) -> ConditioningStatus {
+    ConditioningStatus {
+        samples: counters.samples,
+        held: counters.held,
+        glitches: counters.glitches,
+        wraps: counters.wraps,
+        ambiguous_steps: counters.long_ways,
+        corrected_turns: counters.recoveries,
+        runaways: counters.runaways,
+        dead: counters.dead_samples,
+        status_errors: counters.status_errors,
+        drift_limited: counters.drift_limited,
     }
 }
 

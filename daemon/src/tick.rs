@@ -323,6 +323,7 @@ impl TickThread {
         for (taxel, unchanging) in snapshot.unchanging.iter_mut().enumerate() {
             *unchanging = engine.conditioner().is_unchanging(taxel);
         }
+        snapshot.conditioning = engine.conditioner().counters();
         snapshot.paused = engine.is_paused();
         engine.joints_into(&mut snapshot.joints);
         let joints_bus = engine.joints_bus().map(usize::from);

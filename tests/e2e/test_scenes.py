@@ -100,6 +100,11 @@ def test_every_fault_of_the_faulty_hand_is_found_with_its_reason(start, simulate
         return all(why & set(reasons.get(place, [])) for place, why in BROKEN.items())
 
     daemon.wait_status(found, "not every fault is found", seconds=30)
+    daemon.wait_status(
+        lambda s: all(s["conditioning"][kind] > 0 for kind in ["samples", "held", "glitches", "wraps", "status_errors"]),
+        "not every kind of bad sample is counted",
+        seconds=30,
+    )
 
     def board(status, module):
         return next(b for b in status["boards"] if b["module"] == module)

@@ -31,6 +31,41 @@ const fn now(key: &'static str, scale: f64, name: &'static str, help: &'static s
     }
 }
 
+/// `taxeld_conditioning_NAME`.
+pub(super) const CONDITIONING: &[Number] = &[
+    count("samples", "Samples of taxels that conditioning took in."),
+    count(
+        "held",
+        "Samples held back until the next one confirms them, since an axis jumped.",
+    ),
+    count("glitches", "Samples held back, and not confirmed."),
+    count("wraps", "Samples in which an axis wrapped around modulo 65536."),
+    count(
+        "ambiguous_steps",
+        "Steps of about half a turn of 65536, taken to go back towards the baseline.",
+    ),
+    count(
+        "corrected_turns",
+        "How often a taxel came to rest a turn away from its baseline and was put back.",
+    ),
+    count(
+        "runaways",
+        "How often the turns of a taxel had run away beyond any motion and began anew.",
+    ),
+    count(
+        "dead",
+        "Samples not used, since they read 0 or 65535 on every axis.",
+    ),
+    count(
+        "status_errors",
+        "Samples not used, since their status reports an error.",
+    ),
+    count(
+        "drift_limited",
+        "How often the baseline of a taxel had drifted to its limit and followed no further.",
+    ),
+];
+
 /// `taxeld_bus_NAME`.
 pub(super) const BUS: &[Number] = &[
     count("state_changes", "Changes of the state of a bus's controller."),

@@ -1,7 +1,7 @@
 //! The daemon's status as metrics.
 
 use super::families::{Families, Format, Kind, Labels, number};
-use super::numbers::{ALLEGRO, BOARD, BUS, ERROR_CAUSES, JOINT, Number, SERVOS};
+use super::numbers::{ALLEGRO, BOARD, BUS, CONDITIONING, ERROR_CAUSES, JOINT, Number, SERVOS};
 use serde::Serialize;
 use taxel_wire::status::{JointsStatus, Status};
 
@@ -91,6 +91,7 @@ fn whole(to: &mut Families, status: &Status) {
     ] {
         to.gauge(name, help, &[], value);
     }
+    numbers(to, "conditioning", &[], &status.conditioning, CONDITIONING);
     let help = "Clients of the control sockets that lost their place.";
     to.counter("control_made_room", help, &[], status.control.made_room);
     let help = "Requests that had to wait because their client asks too often.";
@@ -287,12 +288,13 @@ mod tests {
     use serde_json::{Value, json};
     use std::collections::HashSet;
     use taxel_wire::status::{
-        AllegroStatus, BoardStatus, BusStatus, ErrorFrameStatus, ServoStatus, ServosStatus,
+        AllegroStatus, BoardStatus, BusStatus, ConditioningStatus, ErrorFrameStatus, ServoStatus,
+        ServosStatus,
     };
 
     fn status() -> Status {
         serde_json::from_value(json!({
-            "version": "0.1.0", "layout": "a \"hand\"", "uptime_s": 3.5, "profile": {},
+            "version": "0.1.0", "layout": "a \"hand\"", "uptime_s": 3.5, "profile": {}, "conditioning": { "glitches": 2 },
             "images": {
                 "made": 90, "rate_hz": 30.0, "latencies": [[50, 80], [100, 10]], "latenesses": [[200, 90]],
                 "sent": { "subscribers": 2, "images": 7, "skipped": 4, "paced": 5, "ages": [[40, 3], [900, 2], [5_000_000, 1]] },
@@ -319,6 +321,7 @@ mod tests {
             "taxeld_up 1",
             "taxeld_info{version=\"0.1.0\",layout=\"a \\\"hand\\\"\"} 1",
             "taxeld_images_made_total 90",
+            "taxeld_conditioning_glitches_total 2",
             "taxeld_images_skipped_total 4",
             "taxeld_images_paced_total 5",
             "taxeld_image_latency_seconds_bucket{le=\"0.00005\"} 80",
@@ -363,6 +366,7 @@ mod tests {
         ];
         let default = |value: Value| value.as_object().unwrap().clone();
         let parts = [
+            (CONDITIONING, default(json!(ConditioningStatus::default()))),
             (BUS, default(json!(BusStatus::default()))),
             (BOARD, default(json!(BoardStatus::default()))),
             (SERVOS, default(json!(ServosStatus::default()))),
@@ -379,7 +383,7 @@ mod tests {
         for cause in causes.keys().filter(|cause| *cause != "frames") {
             assert!(ERROR_CAUSES.contains(&cause.as_str()), "{cause}");
         }
-        for number in [BUS, BOARD, SERVOS, ALLEGRO, JOINT].concat() {
+        for number in [CONDITIONING, BUS, BOARD, SERVOS, ALLEGRO, JOINT].concat() {
             assert!(!number.help.contains(['"', '\\', '\n']), "{}", number.help);
         }
     }

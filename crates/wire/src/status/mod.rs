@@ -4,8 +4,10 @@
 //! that a daemon does not send has its default; one that is not known here is passed over. Counts
 //! are those since the daemon's start.
 
+mod conditioning;
 mod joints;
 
+pub use conditioning::ConditioningStatus;
 pub use joints::{AllegroStatus, AnalogueStatus, JointStatus, JointsStatus, ServoStatus, ServosStatus};
 
 use serde::{Deserialize, Deserializer, Serialize};
@@ -46,6 +48,8 @@ report! {
         missing: usize,
         /// Taxels out of use for another reason.
         faulty: usize,
+        /// What conditioning made of their counts.
+        conditioning: ConditioningStatus,
         /// The display profile of whoever states none.
         #[serde(deserialize_with = "known_profile")]
         profile: Profile,
