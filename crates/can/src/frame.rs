@@ -5,7 +5,7 @@ use std::fmt;
 /// Bit of a raw identifier that marks an extended (29 bit) frame, as in `linux/can.h`.
 pub const EXTENDED_FLAG: u32 = 0x8000_0000;
 /// Bit of a raw identifier that marks a remote transmission request, as in `linux/can.h`.
-pub const REMOTE_FLAG: u32 = 0x4000_0000;
+pub(crate) const REMOTE_FLAG: u32 = 0x4000_0000;
 /// Bit of a raw identifier that marks an error frame made by the local controller, as in `linux/can.h`.
 pub const ERROR_FLAG: u32 = 0x2000_0000;
 

@@ -30,7 +30,7 @@ pub use candump::{
 };
 pub use clock::{StampConverter, both_clocks_ns, monotonic_ns};
 pub use filter::IdFilter;
-pub use frame::{CanFrame, ERROR_FLAG, EXTENDED_FLAG, FrameError, REMOTE_FLAG, id_text};
+pub use frame::{CanFrame, ERROR_FLAG, EXTENDED_FLAG, FrameError, id_text};
 pub use log::{LogSource, interfaces};
 pub use log_clock::{ClockJumps, LONGEST_PAUSE_NS, LogClock};
 pub use memory::{MemoryBus, MemorySource, memory_bus};

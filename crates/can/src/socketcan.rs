@@ -146,11 +146,6 @@ impl SocketCan {
         }
     }
 
-    /// The interface's name.
-    pub fn interface(&self) -> &str {
-        &self.interface
-    }
-
     /// The size of the kernel's receive queue in bytes, the kernel's overhead included (it doubles what it is
     /// asked for and reports the double); 0 as long as the interface has never been there.
     pub fn receive_buffer(&self) -> usize {

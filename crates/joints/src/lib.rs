@@ -39,4 +39,4 @@ pub use feed::{JointCommand, JointFeed, JointsSnapshot};
 pub use reader::JointReader;
 pub use reading_thread::ReadingThreadError;
 pub use source::{CanJoints, JointCount, JointReadings, SourceConfig};
-pub use synchrony::{AngleAt, EXTRAPOLATE_NS, JointHistory, JointMotion, interpolation_bound_rad};
+pub use synchrony::{AngleAt, EXTRAPOLATE_NS, JointHistory, JointMotion};

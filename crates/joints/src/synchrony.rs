@@ -1,7 +1,5 @@
 //! The joints' angles at the instant of a tactile frame: between two readings, on the line that joins them.
 
-use std::f64::consts::TAU;
-
 /// A joint's angle at an instant that was asked for.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct AngleAt {
@@ -157,17 +155,10 @@ impl JointHistory {
     }
 }
 
-/// Largest error of interpolating a sine of this amplitude (radians) and frequency between readings
-/// `period_ns` apart: a line misses a curve by its second derivative times an eighth of the
-/// distance squared.
-pub fn interpolation_bound_rad(amplitude_rad: f64, hz: f64, period_ns: u64) -> f64 {
-    let h = period_ns as f64 * 1e-9;
-    amplitude_rad * (TAU * hz).powi(2) * h * h / 8.0
-}
-
 #[cfg(test)]
 mod tests {
     use super::*;
+    use std::f64::consts::TAU;
 
     const MS: u64 = 1_000_000;
 
@@ -289,7 +280,8 @@ mod tests {
     fn the_error_on_a_known_motion_is_within_its_bound() {
         // A finger that swings 1 rad to either side twice a second, read 100 times a second.
         let [interpolated, newest, extrapolated] = errors(2.0, 10 * MS);
-        let bound = interpolation_bound_rad(1.0, 2.0, 10 * MS);
+        // A line misses a curve by its second derivative times an eighth of the distance squared.
+        let bound = (TAU * 2.0 * 0.01_f64).powi(2) / 8.0;
         println!(
             "2 Hz, 1 rad, read at 100 Hz: interpolated {interpolated:.6} rad (bound {bound:.6}), extrapolated {extrapolated:.6} rad, newest reading {newest:.6} rad"
         );

@@ -5,9 +5,6 @@ use std::ops::Deref;
 /// Status bit of a reading that must not be used. It is the MLX90393's error bit; the decoders of
 /// other boards set it where theirs say that something is wrong.
 pub const STATUS_ERROR: u8 = 0x10;
-/// Status byte of a chip that did not answer, since the I2C bus is left to its pull-ups. Its error
-/// bit is set too.
-pub const STATUS_NO_ANSWER: u8 = 0xFF;
 
 /// Whether a status byte says that the value beside it must not be used: error bit set, or no answer.
 pub const fn status_is_error(status: u8) -> bool {
@@ -97,7 +94,8 @@ mod tests {
             (0x83, false),
             (0x00, false),
             (0x93, true),
-            (STATUS_NO_ANSWER, true),
+            // The I2C bus, left to its pull-ups.
+            (0xFF, true),
         ] {
             assert_eq!(status_is_error(status), error, "{status:#04x}");
         }

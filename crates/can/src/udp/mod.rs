@@ -89,15 +89,6 @@ impl AsFd for Fd {
 impl SocketOptions for Fd {}
 
 impl UdpMulticast {
-    /// Joins a group on a port, everything else as in [`UdpOptions::default`].
-    pub fn open(group: IpAddr, port: u16) -> io::Result<Self> {
-        Self::with_options(&UdpOptions {
-            group,
-            port,
-            ..UdpOptions::default()
-        })
-    }
-
     /// Joins a group.
     ///
     /// Fails with the system's error, most often because no route leads to the group: then either name an

@@ -201,7 +201,12 @@ fn an_ipv6_group_of_narrow_scope_needs_no_interface_to_be_received() {
 
 #[test]
 fn an_address_that_is_no_group_is_refused() {
-    let error = UdpMulticast::open("127.0.0.1".parse().unwrap(), 1).err().unwrap();
+    let error = UdpMulticast::with_options(&UdpOptions {
+        group: "127.0.0.1".parse().unwrap(),
+        ..options(1)
+    })
+    .err()
+    .unwrap();
     assert!(error.to_string().contains("not a multicast group"));
 }
 

@@ -12,7 +12,7 @@ use std::sync::atomic::{AtomicBool, Ordering};
 use std::time::{Duration, Instant};
 use taxel_joints::bus::{FastState, NoReading};
 use taxel_joints::{
-    AnalogueConfig, AnalogueReader, AnalogueSnapshot, AngleAt, DynamixelConfig, FastSyncRead, JointHistory,
+    AnalogueConfig, AnalogueReader, AnalogueSnapshot, DynamixelConfig, FastSyncRead, JointHistory,
     JointReader, JointsConfig, NoAngle, PortState, ReadingThreadError, ServoReader, ServoSnapshot,
     StartError, scan, survey,
 };
@@ -169,11 +169,15 @@ fn angles_are_given_for_the_instant_that_is_asked_for() {
     });
     let mut errors = Vec::new();
     let newest = eventually(&reader, "read", all_read).results[0].unwrap().t_ns;
+    let mut history = JointHistory::new(1, 32);
+    // It is tried: while the thread has the lock there is nothing new.
+    let end = Instant::now() + Duration::from_secs(20);
+    while reader.try_history_since(0, &mut history) == 0 {
+        assert!(Instant::now() < end, "the lock is never free");
+    }
     for back_ms in 0..150 {
         let t_ns = newest - back_ms * 1_000_000;
-        let mut angle = [None::<AngleAt>];
-        reader.angles_at(t_ns, &mut angle);
-        let at = angle[0].unwrap();
+        let at = history.at(0, t_ns).unwrap();
         let truth = (pty.bus().servo(1).unwrap().position(t_ns) - 2048.0) * std::f64::consts::TAU / 4096.0;
         // On a busy machine cycles may be missed; what is left is between readings that are close.
         if at.age_ns <= 5_500_000 && !at.extrapolated {
@@ -189,9 +193,8 @@ fn angles_are_given_for_the_instant_that_is_asked_for() {
     // reading. The median: a machine that is busy with other things stamps some readings late, by
     // any time.
     assert!(median < 0.02, "{median}");
-    let mut future = [None];
-    reader.angles_at(servo_clock_ns() + 1_000_000_000, &mut future);
-    assert!(future[0].unwrap().extrapolated);
+    let future = history.at(0, servo_clock_ns() + 1_000_000_000);
+    assert!(future.unwrap().extrapolated);
 }
 
 #[test]

@@ -12,7 +12,7 @@ use crate::dynamixel::registers::HardwareError;
 use crate::error::JointsConfigError;
 use crate::reading_thread::{ReadingThread, ReadingThreadError};
 use crate::shown::{history_since, lock};
-use crate::synchrony::{AngleAt, JointHistory, JointMotion};
+use crate::synchrony::{JointHistory, JointMotion};
 use nix::errno::Errno;
 use nix::sys::prctl;
 use nix::sys::time::TimeSpec;
@@ -182,16 +182,6 @@ impl ServoReader {
     /// A copy of the newest cycle and of what is known of the servos.
     pub fn snapshot(&self) -> ServoSnapshot {
         lock(&self.shared).snapshot.clone()
-    }
-
-    /// Every joint's angle at `t_ns` (`CLOCK_MONOTONIC`), interpolated between readings, into
-    /// `angles`; `None` for a joint that was never read. `angles` has one place per joint; surplus
-    /// places are left alone.
-    pub fn angles_at(&self, t_ns: u64, angles: &mut [Option<AngleAt>]) {
-        let shared = lock(&self.shared);
-        for (joint, angle) in angles.iter_mut().enumerate().take(shared.history.joints()) {
-            *angle = shared.history.at(joint, t_ns);
-        }
     }
 
     /// Copies the readings that are kept, if there were cycles after the first `seen` of them.
