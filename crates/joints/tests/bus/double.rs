@@ -105,6 +105,31 @@ fn answers_that_a_stalled_adapter_brings_all_at_once_are_late_and_not_of_two_ser
 }
 
 #[test]
+fn answers_that_never_come_hide_no_two_servos_with_one_id() {
+    // Both had no power until now, or one answer in twenty is lost.
+    for (what, cycles) in [("no power", 2000), ("a bad cable", 200)] {
+        let mut w = World::of(2, FastSyncRead::Off);
+        w.cycles(10);
+        if what == "no power" {
+            w.fault(1, ServoFault::Silent);
+            w.cycles(cycles);
+        } else {
+            for _ in 0..cycles {
+                w.fault(1, ServoFault::Silent);
+                w.cycle(0);
+                w.servos.set_fault(1, None, 1);
+                w.cycles(19);
+            }
+        }
+        let before = w.bus.servo(0).unwrap().counters.double;
+        w.fault(1, ServoFault::Twice);
+        (0..200).for_each(|_| drop(w.cycle(5 * MS)));
+        let double = w.bus.servo(0).unwrap().counters.double - before;
+        assert!(double > 150, "{what}: {double}");
+    }
+}
+
+#[test]
 fn two_servos_that_spoil_each_other_in_one_packet_are_found_by_what_they_are_asked_alone() {
     for (fault, double) in [(ServoFault::Twice, true), (ServoFault::BadCrc, false)] {
         let mut w = World::of(4, FastSyncRead::On);

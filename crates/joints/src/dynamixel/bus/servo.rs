@@ -110,6 +110,8 @@ const FIRST_REST_NS: u64 = 50_000_000;
 const LONGEST_REST_NS: u64 = 500_000_000;
 /// Return Delay Time from the factory, until the servo has told its own.
 const FACTORY_RETURN_DELAY_NS: u64 = 500_000;
+/// After so many requests in a row that were answered in time, a servo owes no answer to an earlier one.
+const OWES_NOTHING: u8 = 16;
 /// Two second answers within this time are of two servos with one id, for as long behind the newer one. Where all servos
 /// answer in one packet, each is asked alone about twice a second.
 const SHARED_NS: u64 = 2_000_000_000;
@@ -160,6 +162,8 @@ pub(crate) struct Servo {
     told_bytes: Option<usize>,
     /// Requests to it that no answer came to in time: so many answers may still come, and then all at once.
     owed: u8,
+    /// Requests in a row that were answered in time.
+    answered_in_a_row: u8,
     /// Its next angle is not taken: two servos have its id.
     pub(crate) withhold: bool,
     /// When the newest two second answers came, the newer first, nanoseconds.
@@ -183,6 +187,7 @@ impl Servo {
             watch: Watch::default(),
             told_bytes: None,
             owed: 0,
+            answered_in_a_row: 0,
             withhold: false,
             double_ns: [None; 2],
             heard_ns: 0,
@@ -271,11 +276,18 @@ impl Servo {
         self.rest = Rest::default();
     }
 
-    /// The newest request is over, and it told so many bytes, or nothing, which it may owe. That is counted up to 255, so that
-    /// two servos with one id show within seconds, however long none of them was heard.
+    /// The newest request is over, and it told so many bytes, or nothing, which it may owe. What it owes comes all at once: once
+    /// it has answered some in a row, the rest is lost, as of a servo that had no power, and two with its id show.
     pub(crate) fn has_told(&mut self, bytes: Option<usize>, is_owed: bool) {
         self.told_bytes = bytes;
         self.owed = self.owed.saturating_add(is_owed.into());
+        self.answered_in_a_row = match bytes {
+            Some(_) => self.answered_in_a_row.saturating_add(1),
+            None => 0,
+        };
+        if self.answered_in_a_row >= OWES_NOTHING {
+            self.owed = 0;
+        }
     }
 
     /// Bytes that it told in its answer to the newest request that is over, where it owes none to any: another answer of as
