@@ -35,6 +35,10 @@ fn configuration_errors_name_file_and_line() {
             "hand.toml:4: udp:239.74.163.2:43113 is given twice",
         ),
         (
+            "[[bus]]\nsource = \"log:a.log\"\n[[bus]]\nsource = \"log:a.log?interface=can0\"\n",
+            "hand.toml:4: log:a.log?interface=can0 is given twice",
+        ),
+        (
             &format!("{two}[tick]\nrate_hz = 2000.0\n"),
             "hand.toml:6: tick.rate_hz = 2000",
         ),

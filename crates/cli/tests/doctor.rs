@@ -319,6 +319,7 @@ fn one_recording_or_scene_is_all_buses_of_its_hand() {
     std::fs::write(dir.path().join("renamed.log"), log.replace(" can", " vcan")).unwrap();
     for sources in [
         &["log:idle.log"][..],
+        &["log:idle.log", "log:idle.log"],
         &["sim:idle"],
         &[
             "log:renamed.log?interface=vcan0",
@@ -336,7 +337,10 @@ fn one_recording_or_scene_is_all_buses_of_its_hand() {
             &["log:renamed.log"][..],
             "such as log:renamed.log?interface=vcan0 log:renamed.log?interface=vcan1",
         ),
-        (&["log:idle.log", "log:idle.log"], "log:idle.log is given twice"),
+        (
+            &["log:idle.log", "log:idle.log?interface=can0"],
+            "log:idle.log?interface=can0 is given twice",
+        ),
     ] {
         let output = taxel(&dir, &["doctor"]).args(sources).output().unwrap();
         assert_eq!(output.status.code(), Some(1), "{sources:?}");

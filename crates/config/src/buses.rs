@@ -8,6 +8,7 @@ use taxel_skin::Layout;
 pub(crate) fn sources_of(
     file: &File<'_>,
     buses: &[Table<BusConfig>],
+    layout: &Layout,
 ) -> Result<Vec<SourceAddress>, ConfigError> {
     let refuse = |bus: &Table<BusConfig>, message| file.refuse(bus.get_ref().0.source.span().start, message);
     let sources = buses
@@ -17,16 +18,7 @@ pub(crate) fn sources_of(
             address.map_err(|e| refuse(bus, e.to_string()))
         })
         .collect::<Result<Vec<_>, _>>()?;
-    match read_twice(&sources) {
-        None => Ok(sources),
-        Some(again) => {
-            let message = format!(
-                "{} is given twice; each bus of the hand has a source of its own",
-                sources[again]
-            );
-            Err(refuse(&buses[again], message))
-        }
-    }
+    told_apart(sources, layout).map_err(|(again, message)| refuse(&buses[again], message))
 }
 
 /// There is a source for each bus of the layout, of a kind that can carry what is on it.
@@ -78,9 +70,40 @@ fn source_fits(layout: &Layout, bus: usize, source: &SourceAddress) -> Result<()
     }
 }
 
-/// Which source is there a second time, so that two buses would have the same frames. Buses of a simulated hand have
-/// their scene in common.
-pub fn read_twice(sources: &[SourceAddress]) -> Option<usize> {
+/// The sources of a hand's buses, of which none reads what another does. Where several are of one recording, each is the
+/// interface of its bus's name. Scenes may be given twice.
+///
+/// Fails with the source that is given again and a message.
+pub fn told_apart(
+    mut sources: Vec<SourceAddress>,
+    layout: &Layout,
+) -> Result<Vec<SourceAddress>, (usize, String)> {
+    let log = |source: &SourceAddress| match source {
+        SourceAddress::Log { path, .. } => Some(path.clone()),
+        _ => None,
+    };
+    let logs: Vec<_> = sources.iter().filter_map(log).collect();
+    for (source, bus) in sources.iter_mut().zip(&layout.buses) {
+        if let SourceAddress::Log {
+            path,
+            interface: interface @ None,
+        } = source
+            && logs.iter().filter(|log| *log == path).count() > 1
+        {
+            *interface = Some(bus.clone());
+        }
+    }
     let is_scene = |source: &SourceAddress| matches!(source, SourceAddress::Sim { .. });
-    (0..sources.len()).find(|at| !is_scene(&sources[*at]) && sources[..*at].contains(&sources[*at]))
+    let again =
+        (0..sources.len()).find(|at| !is_scene(&sources[*at]) && sources[..*at].contains(&sources[*at]));
+    match again {
+        None => Ok(sources),
+        Some(again) => {
+            let message = format!(
+                "{} is given twice; each bus of the hand has a source of its own",
+                sources[again]
+            );
+            Err((again, message))
+        }
+    }
 }

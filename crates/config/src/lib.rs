@@ -10,7 +10,7 @@ mod summary;
 mod syntax;
 mod unread_joints;
 
-pub use buses::read_twice;
+pub use buses::told_apart;
 pub use place::line_of;
 pub use sockets::{ControlConfig, SocketConfig, default_directory, running_socket};
 
@@ -292,7 +292,7 @@ impl Config {
         })?;
         let mut layout = layout_of(parsed.layout.get_ref())
             .map_err(|e| file.refuse(parsed.layout.span().start, e.to_string()))?;
-        let sources = buses::sources_of(file, &parsed.bus)?;
+        let sources = buses::sources_of(file, &parsed.bus, &layout)?;
         let are_scenes = sources.iter().all(|s| matches!(s, SourceAddress::Sim { .. }));
         if layout.buses.is_empty() && are_scenes && !sources.is_empty() {
             // A scene on a hand without boards is played on simulated ones.

@@ -7,7 +7,7 @@ use crate::input::DEFAULT_LAYOUT;
 use crate::piped_file::{layout_parser, source_parser, text_parser};
 use crate::seconds::seconds;
 use crate::wrong_use;
-use anyhow::{Context, bail};
+use anyhow::{Context, anyhow, bail};
 use std::path::{Path, PathBuf};
 use std::time::Duration;
 use taxel_can::SourceAddress;
@@ -106,12 +106,8 @@ impl Args {
             [hand] if layout.buses.len() > 1 => of_each_bus(hand, &layout)?,
             named => named.to_vec(),
         };
-        if let Some(again) = taxeld::config::read_twice(&sources) {
-            bail!(
-                "{} is given twice; each bus of the hand has a source of its own",
-                sources[again]
-            );
-        }
+        let sources =
+            taxeld::config::told_apart(sources, &layout).map_err(|(_, message)| anyhow!(message))?;
         if sources.len() != layout.buses.len() {
             bail!(
                 "layout {} needs a source for each of its buses ({}): {}, not {}",
