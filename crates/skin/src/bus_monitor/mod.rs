@@ -352,8 +352,10 @@ impl BusMonitor {
         let times = |times: f64| usual_hz.is_some_and(|usual| module.sweeps_hz >= times * usual);
         let swung = module.swung;
         let (doubled, babbles) = (
-            // Two stay two while their values swing, however their sweeps come.
-            swung.is_proof || (swung.is && (module.doubled.is.is_some() || times(TWO_BOARDS_TIMES))),
+            // What has sent as much before is one board, whatever hums or shakes. Two stay two while their values swing, however
+            // their sweeps come.
+            (swung.is_proof && own_hz.is_none())
+                || (swung.is && (module.doubled.is.is_some() || times(TWO_BOARDS_TIMES))),
             share >= BABBLE_SHARE && times(BOARD_TIMES) && bus.babbles.is.is_none(),
         );
         let (doubled_now, babbles_now) = (doubled.then_some(()), babbles.then_some(()));

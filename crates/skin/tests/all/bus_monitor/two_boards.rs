@@ -183,6 +183,18 @@ fn one_board_is_never_two_whatever_its_rate_and_its_way() {
         let traffic = sweeps(m, times(10_000, 0, 90, 0.0), shaken(amplitude, hz));
         cases.push((format!("shaken by {amplitude} at {hz} Hz"), traffic));
     }
+    // A motor that hums from the fourth second on, nearly in step, and an adapter that sends two sweeps at once.
+    for (hz, kept_ms) in [(50.01, 0), (49.99, 0), (49.7, 20), (50.0, 20)] {
+        let hum = move |t_ns: u64, k: u16| match t_ns < 4_000 * MS {
+            true => rest(1)(t_ns, k),
+            false => shaken(100.0, hz)(t_ns, k),
+        };
+        let mut traffic = sweeps(m, times(10_000, 0, 90, 0.0), hum);
+        for (_, received) in &mut traffic {
+            received.t_ns = received.t_ns.next_multiple_of((kept_ms * MS).max(1));
+        }
+        cases.push((format!("hum of {hz} Hz, kept for {kept_ms} ms"), traffic));
+    }
     for (what, traffic) in cases {
         let found = found(&hand, traffic, 90_000);
         assert!(!found.iter().any(|(_, f)| f.iter().any(is_two)), "{what}");
