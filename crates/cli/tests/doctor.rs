@@ -3,6 +3,7 @@
 
 use serde_json::Value;
 use std::net::UdpSocket;
+use std::os::unix::net::UnixListener;
 use std::process::{Child, Command, Output, Stdio};
 use taxel_sim::servo::{ServoBuild, ServoBus, ServoFault, ServoPty};
 use tempfile::TempDir;
@@ -377,6 +378,23 @@ fn a_running_daemon_is_asked_and_its_bus_left_alone() {
             .any(|c| c["area"] == "daemon" && c["name"] == "bus" && c["state"] == "ok")
     );
     assert!(checks.iter().all(|c| c["area"] != "hand"));
+}
+
+#[test]
+fn a_daemon_that_hangs_is_an_error_and_its_bus_left_alone() {
+    let dir = TempDir::new().unwrap();
+    configure(&dir, "uskin-module", &["sim:idle".to_string()], "");
+    let _asked_in_vain = UnixListener::bind(dir.path().join("status.sock")).unwrap();
+    let (_, checks) = doctor(&dir, &["--config", "hand.toml"]);
+    let [[_, state, found, mend]] = bad(&checks, "status socket")[..] else {
+        panic!("{checks:?}");
+    };
+    assert_eq!(state, "error");
+    assert!(
+        mend.contains("restart it") && !found.contains("os error"),
+        "{found}: {mend}"
+    );
+    assert!(checks.iter().all(|c| c["area"] != "hand"), "{checks:?}");
 }
 
 #[test]

@@ -5,7 +5,7 @@ use super::hand_text::describe_hand;
 use super::picture;
 use anyhow::{Context, bail};
 use serde::Deserialize;
-use std::io::{BufRead, BufReader, ErrorKind, Write};
+use std::io::{self, BufRead, BufReader, ErrorKind, Write};
 use std::os::unix::net::UnixStream;
 use std::path::Path;
 use std::time::Duration;
@@ -18,6 +18,7 @@ use taxel_wire::{check_socket_folder, connect_for_requests};
 use taxeld::Config;
 
 const AREA: &str = "daemon";
+/// How long an answer may take.
 const PATIENCE: Duration = Duration::from_secs(3);
 
 /// Whether a daemon answers on its status socket.
@@ -29,6 +30,8 @@ pub(crate) enum Daemon {
     Running(Box<Status>),
     /// The socket is there and this user may not use it.
     Forbidden,
+    /// It is waited for in vain.
+    Hung,
     /// Something is there that does not answer as it should.
     Strange(String),
 }
@@ -51,12 +54,19 @@ pub(crate) fn ask(socket: &Path) -> Daemon {
         Err(error) if matches!(error.kind(), ErrorKind::NotFound | ErrorKind::ConnectionRefused) => {
             return Daemon::Absent;
         }
+        Err(error) if is_late(&error) => return Daemon::Hung,
         Err(error) => return Daemon::Strange(error.to_string()),
     };
     match status(&mut stream) {
         Ok(status) => Daemon::Running(Box::new(status)),
+        Err(error) if error.downcast_ref().is_some_and(is_late) => Daemon::Hung,
         Err(error) => Daemon::Strange(format!("{error:#}")),
     }
+}
+
+/// Whether the time was over, of a connect, a read or a write.
+fn is_late(error: &io::Error) -> bool {
+    matches!(error.kind(), ErrorKind::TimedOut | ErrorKind::WouldBlock)
 }
 
 fn status(stream: &mut UnixStream) -> anyhow::Result<Status> {

@@ -187,6 +187,13 @@ impl Doctor {
                 ])?;
                 return Ok(true);
             }
+            Daemon::Hung => {
+                let found = "is there, and nobody answers";
+                self.report(vec![Check::error(AREA, "status socket", path, found).advise(
+                    "its log says what it does, and where it hangs, restart it; its buses are left alone",
+                )])?;
+                return Ok(true);
+            }
             Daemon::Strange(why) => self.report(vec![
                 Check::warning(
                     AREA,

@@ -219,14 +219,17 @@ fn refuse_shared(sources: &[SourceAddress], args: &Args, answers: &Answers) -> a
                 format!("Set up {shared} beside it, starting and stopping its boards"),
             )
         }
-        Daemon::Forbidden if sources.iter().any(is_live) => (
+        untold @ (Daemon::Forbidden | Daemon::Hung) if sources.iter().any(is_live) => (
             format!(
-                "A daemon runs on this machine, and this user may not ask it which boards it has. If these are its boards, \
-                 stop it first: {stop}."
+                "A daemon runs on this machine, and {}. If these are its boards, stop it first: {stop}.",
+                match untold {
+                    Daemon::Hung => "does not answer which boards it has",
+                    _ => "this user may not ask it which boards it has",
+                }
             ),
             "Go on, since these are not its boards".into(),
         ),
-        Daemon::Forbidden | Daemon::Absent | Daemon::Strange(_) => return Ok(()),
+        Daemon::Forbidden | Daemon::Hung | Daemon::Absent | Daemon::Strange(_) => return Ok(()),
     };
     say(&who);
     if !args.listen_only && !answers.confirm(&question, false)? {
