@@ -3,6 +3,7 @@
 import fcntl
 import os
 import pty
+import socket
 import struct
 import subprocess
 import termios
@@ -72,6 +73,16 @@ class Terminal:
 
     def press(self, key):
         os.write(self.keys, key.encode())
+
+
+def test_of_a_daemon_that_says_nothing_it_is_told_that_it_may_hang(folder):
+    with socket.socket(socket.AF_UNIX, socket.SOCK_SEQPACKET) as hangs:
+        hangs.bind(str(folder / "images.sock"))
+        hangs.listen()
+        terminal = Terminal(folder, "view", "--socket", "images.sock")
+        terminal.wait_for("images.sock: taxeld says nothing; its log says what it does, and where it hangs, restart it")
+        terminal.press("q")
+        assert terminal.process.wait(10) == 0
 
 
 def test_a_key_records_into_a_file_named_by_the_time_and_ends_it(start, folder):

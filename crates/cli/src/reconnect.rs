@@ -1,15 +1,23 @@
 //! A connection to the daemon's image socket that is made anew when the daemon is back.
 
 use crate::notices;
+use nix::poll::{PollFd, PollFlags, PollTimeout, poll};
+use std::os::fd::AsFd;
 use std::path::Path;
 use std::time::Duration;
 use taxel_wire::{ReadError, Subscriber};
 
 /// Between two looks whether the daemon is back.
 const LOOK: Duration = Duration::from_millis(500);
+/// How long the first message of a daemon may take.
+pub(crate) const PATIENCE: Duration = Duration::from_secs(5);
+/// What is said of one that has taken so long.
+pub(crate) const SAYS_NOTHING: &str =
+    "taxeld says nothing; its log says what it does, and where it hangs, restart it";
 
 /// Reads a connection to the daemon of this socket, or to the one that runs here, until `read` is done. With `reconnect` a
-/// daemon is waited for, at the start and whenever it is gone, and read anew.
+/// daemon is waited for, at the start and whenever it is gone, and read anew. One that says nothing is waited for in any
+/// case, and that is said.
 ///
 /// # Errors
 /// What `read` says; without `reconnect` also that there is no daemon, or none any more.
@@ -28,6 +36,11 @@ pub(crate) fn with_daemon(
         let connected = Subscriber::connect(&tried).map_err(anyhow::Error::from);
         let outcome = connected.and_then(|subscriber| {
             is_waiting = false;
+            let mut first = [PollFd::new(subscriber.as_fd(), PollFlags::POLLIN)];
+            let patience = PollTimeout::try_from(PATIENCE).unwrap_or(PollTimeout::ZERO);
+            if poll(&mut first, patience) == Ok(0) {
+                notices::say(&format!("taxel: {SAYS_NOTHING}; waiting for it"));
+            }
             read(subscriber, socket.insert(tried))
         });
         match outcome {

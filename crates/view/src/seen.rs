@@ -186,6 +186,11 @@ impl Seen {
         self.newest.taxels.clear();
     }
 
+    /// Why there is no daemon, if so.
+    pub fn gone(&self) -> Option<&str> {
+        self.gone.as_deref()
+    }
+
     /// A message, and when it came on the clock of the images' times, nanoseconds.
     pub fn see(&mut self, received: Received<'_>, now_ns: u64) {
         match received {

@@ -3,6 +3,7 @@
 use super::recorder::Recorder;
 use super::{GLANCE_S, Sheet, Source, lock, look, print_summary, request_of};
 use crate::control;
+use crate::reconnect::{PATIENCE, SAYS_NOTHING};
 use crate::terminal;
 use serde_json::Value;
 use std::path::{Path, PathBuf};
@@ -118,12 +119,13 @@ impl Daemon {
     /// Takes what the daemon publishes, and waits for it when it is gone, until the view is over.
     fn read(&self, subscriber: Subscriber) {
         let mut subscriber = Some(subscriber);
+        let mut since = Instant::now();
         while !self.over.load(Ordering::Relaxed) {
             let failure = match &mut subscriber {
-                Some(connected) => self.take(connected).err(),
+                Some(connected) => self.take(connected, since).err(),
                 None => match self.connect() {
                     Ok(connected) => {
-                        subscriber = Some(connected);
+                        (subscriber, since) = (Some(connected), Instant::now());
                         None
                     }
                     Err(_) => {
@@ -144,11 +146,15 @@ impl Daemon {
         }
     }
 
-    fn take(&self, subscriber: &mut Subscriber) -> Result<(), ReadError> {
+    /// Takes the next message of a daemon that is connected to since then.
+    fn take(&self, subscriber: &mut Subscriber, since: Instant) -> Result<(), ReadError> {
         if self.asks.load(Ordering::Relaxed) {
             self.subscribe(subscriber)?;
         }
         let Some(received) = subscriber.next_timeout(LOOK)? else {
+            if subscriber.hello().is_none() && since.elapsed() > PATIENCE {
+                lock(&self.seen).set_gone(SAYS_NOTHING);
+            }
             return Ok(());
         };
         let now_ns = taxel_can::monotonic_ns();

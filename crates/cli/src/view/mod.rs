@@ -15,6 +15,7 @@ use ratatui::Frame;
 use ratatui::buffer::Buffer;
 use ratatui::crossterm::event::KeyEvent;
 use ratatui::layout::Rect;
+use ratatui::widgets::{Paragraph, Wrap};
 use serde_json::{Value, json};
 use std::io::Write;
 use std::path::{Path, PathBuf};
@@ -204,13 +205,15 @@ struct View<'a> {
 
 impl Shown for View<'_> {
     fn draw(&mut self, frame: &mut Frame<'_>) -> bool {
-        let (picture, heading) = {
+        let (picture, heading, waiting) = {
             let mut seen = lock(self.seen);
             if let Some(hand) = seen.hand() {
                 self.screen.fit(hand);
             }
             let now_ns = self.source.now_ns(&seen);
-            (seen.picture(&self.screen, now_ns), self.source.heading(&seen))
+            let waiting = seen.gone().unwrap_or("waiting for the hand").to_owned();
+            let picture = seen.picture(&self.screen, now_ns);
+            (picture, self.source.heading(&seen), waiting)
         };
         let area = frame.area();
         match picture {
@@ -222,7 +225,10 @@ impl Shown for View<'_> {
                     self.source.draw_pane(buffer, pane, palette);
                 }
             }
-            None => frame.render_widget(format!(" {}: waiting for the hand; q quits", heading.name), area),
+            None => {
+                let words = Paragraph::new(format!(" {}: {waiting}; q quits", heading.name));
+                frame.render_widget(words.wrap(Wrap { trim: false }), area);
+            }
         }
         !self.source.is_over()
     }
@@ -284,7 +290,10 @@ fn print_summary(seen: &Seen, name: &str, began_ns: u64) -> anyhow::Result<()> {
             hello.profile.levels,
             hello.profile.actuators,
         ),
-        None => format!("{name}: no description of a hand came\n"),
+        None => {
+            let why = seen.gone().unwrap_or("no description of a hand came");
+            format!("{name}: {why}\n")
+        }
     };
     text += &seen.summary(began_ns);
     print(&text)

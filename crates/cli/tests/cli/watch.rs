@@ -1,9 +1,10 @@
 //! `taxel watch`: what a daemon publishes, line by line.
 
 use crate::{fails, simulated, succeeds, texts};
+use nix::sys::socket::{AddressFamily, Backlog, SockFlag, SockType, UnixAddr, bind, listen, socket};
 use serde_json::Value;
 use std::io::{BufRead, BufReader, ErrorKind, Write};
-use std::os::fd::OwnedFd;
+use std::os::fd::{AsRawFd, OwnedFd};
 use std::os::unix::net::UnixStream;
 use std::process::{Command, Stdio};
 use tempfile::TempDir;
@@ -16,6 +17,36 @@ fn without_a_daemon_watch_says_where_it_looked() {
         err.contains("nowhere.sock") && err.contains("is taxeld running"),
         "{err}"
     );
+}
+
+#[test]
+fn of_a_daemon_that_says_nothing_it_is_told_that_it_may_hang() {
+    let dir = TempDir::new().unwrap();
+    let kind = (SockType::SeqPacket, SockFlag::SOCK_CLOEXEC);
+    let hangs = socket(AddressFamily::Unix, kind.0, kind.1, None).unwrap();
+    bind(
+        hangs.as_raw_fd(),
+        &UnixAddr::new(&dir.path().join("images.sock")).unwrap(),
+    )
+    .unwrap();
+    listen(&hangs, Backlog::new(1).unwrap()).unwrap();
+    let mut child = Command::new(env!("CARGO_BIN_EXE_taxel"))
+        .args(["watch", "--socket", "images.sock"])
+        .current_dir(dir.path())
+        .stderr(Stdio::piped())
+        .spawn()
+        .unwrap();
+    let mut said = BufReader::new(child.stderr.take().unwrap()).lines();
+    let told = said.next().unwrap().unwrap();
+    assert!(
+        told.contains("taxeld says nothing") && told.contains("restart it"),
+        "{told}"
+    );
+    // It has gone on waiting until the daemon is gone.
+    drop(hangs);
+    let ended = said.next().unwrap().unwrap();
+    assert!(ended.contains("taxeld closed the connection"), "{ended}");
+    child.wait().unwrap();
 }
 
 #[test]
