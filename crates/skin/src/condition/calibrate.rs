@@ -321,6 +321,7 @@ impl Conditioner {
         for n in 0..taxels {
             let own = self.own_threshold(self.calibration.idle[n].peak);
             self.thresholds.set_taxel(n, own);
+            self.judge_zero(n);
         }
 
         let mut report = std::mem::take(&mut self.calibration.report);
@@ -481,5 +482,6 @@ impl Conditioner {
             .judge_noise(robust && limit > 0.0 && idle.noise_counts > limit);
         let own = self.own_threshold(idle.peak);
         self.thresholds.set_taxel(n, own);
+        self.judge_zero(n);
     }
 }

@@ -44,6 +44,7 @@ impl Conditioner {
             self.taxels[n].has_baseline = false;
             if baseline.iter().all(|counts| counts.is_finite()) {
                 self.take_baseline(n, baseline.map(f64::from));
+                self.judge_zero(n);
             } else {
                 late += 1;
             }

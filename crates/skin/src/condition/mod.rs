@@ -148,7 +148,8 @@ impl Conditioner {
     /// Makes a conditioner for the taxels of a layout, as [`Conditioner::new`] does, and takes
     /// account of how their boards measure: counts of one axis are neither unwrapped nor held back
     /// as glitches, where they have eight bits, a taxel that keeps one value is not stuck, and where they rest at 0, one
-    /// that reads 0 is not dead. A skin without boards rests at 0 where its first frame says nothing else.
+    /// that reads 0 is not dead. A taxel of a skin without boards rests at 0 where that is no contact above its baseline,
+    /// and until it has one, where the skin's first frame says nothing else.
     pub fn for_layout(layout: &Layout, config: ConditionConfig) -> Result<Self, ConditionError> {
         let mut conditioner = Self::new(layout.len(), config)?;
         conditioner.without_boards = true;
@@ -283,7 +284,7 @@ impl Conditioner {
         self.calibrate(frame, heard, tick_ns);
     }
 
-    /// Takes a skin whose first values are all 0 to rest there.
+    /// Takes a skin whose first values are all 0 to rest there, but for taxels whose baseline is known.
     fn look_for_rest(&mut self, frame: &TactileFrame) {
         let fresh = frame.freshness.iter().map(|f| *f == Freshness::Fresh);
         let mut values = fresh
@@ -291,9 +292,17 @@ impl Conditioner {
             .filter(|(is_fresh, _)| *is_fresh)
             .peekable();
         if values.peek().is_some() && values.all(|(_, counts)| *counts == [0; 3]) {
-            self.taxels
-                .iter_mut()
-                .for_each(|taxel| taxel.rests_at_zero = true);
+            for taxel in self.taxels.iter_mut().filter(|taxel| !taxel.has_baseline) {
+                taxel.rests_at_zero = true;
+            }
+        }
+    }
+
+    /// Says by its baseline whether a taxel of a skin without boards rests at 0: where that is no contact.
+    fn judge_zero(&mut self, n: usize) {
+        if self.without_boards && self.taxels[n].has_baseline {
+            let at_zero = self.config.magnitude.of([0; 3], self.baseline[n]);
+            self.taxels[n].rests_at_zero = at_zero <= self.thresholds.of(n);
         }
     }
 

@@ -11,6 +11,21 @@ fn quiet(taxels: usize, rate_hz: u64) -> Skin {
     skin
 }
 
+/// What is known of a skin by now.
+fn known(skin: &Skin) -> Calibrated {
+    Calibrated {
+        threshold: skin.conditioner.threshold(),
+        baseline: skin
+            .conditioner
+            .baseline()
+            .iter()
+            .map(|b| b.map(|axis| axis as f32))
+            .collect(),
+        contact: skin.out.contact.clone(),
+        faults: skin.out.faults.clone(),
+    }
+}
+
 #[test]
 fn a_skin_that_never_changes_at_rest_is_felt_from_the_first_frame_of_a_touch_to_its_last() {
     for rate_hz in [10, 30, 1_000] {
@@ -174,22 +189,36 @@ fn a_skin_without_boards_may_rest_at_0_and_one_with_boards_is_dead_there() {
 }
 
 #[test]
+fn a_first_frame_of_zeros_is_no_rest_where_the_baseline_is_another() {
+    let mut skin = Skin::new(16, 100, ConditionConfig::robust());
+    let grid = Layout::grid(4, 4).unwrap();
+    skin.conditioner = Conditioner::for_layout(&grid, ConditionConfig::robust()).unwrap();
+    skin.step_with(|frame| frame.counts.fill([0; 3]));
+    skin.calibrate();
+    skin.run_ms(1_000);
+    let known = known(&skin);
+    for goes_on in [false, true] {
+        if goes_on {
+            skin.conditioner = Conditioner::for_layout(&grid, ConditionConfig::robust()).unwrap();
+            skin.conditioner.go_on_from(&known);
+            skin.step_with(|frame| frame.counts.fill([0; 3]));
+            skin.step();
+        }
+        for i in 0..100 {
+            skin.step_with(|frame| frame.counts[5] = [0; 3]);
+            assert_eq!(skin.out.contacts(), 0, "{goes_on}, frame {i}");
+        }
+        assert_eq!(skin.out.faults[5].iter().collect::<Vec<_>>(), [Fault::Dead]);
+    }
+}
+
+#[test]
 fn what_is_held_still_is_held_by_who_goes_on_from_a_quiet_skin_too() {
     let mut skin = quiet(16, 100);
     skin.calibrate();
     press(&mut skin, 3, 900);
     skin.run_ms(5_000);
-    let known = Calibrated {
-        threshold: skin.conditioner.threshold(),
-        baseline: skin
-            .conditioner
-            .baseline()
-            .iter()
-            .map(|b| b.map(|axis| axis as f32))
-            .collect(),
-        contact: skin.out.contact.clone(),
-        faults: skin.out.faults.clone(),
-    };
+    let known = known(&skin);
     skin.conditioner = Conditioner::new(16, ConditionConfig::robust()).unwrap();
     skin.conditioner.go_on_from(&known);
     let faults = skin.out.faults.clone();
