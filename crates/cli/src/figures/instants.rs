@@ -107,14 +107,13 @@ pub(super) fn felt(take: &Take, index: usize, title: String) -> Picture {
         .numbers("", forces.iter().copied())
 }
 
-/// How far every taxel is from its counts at rest, stretched to the largest change: grey is none.
+/// How far every taxel is from its baseline, stretched to the largest change: grey is none.
 fn change(take: &Take, index: usize) -> Picture {
-    let rest = take.at_rest();
     let frame = &take.tactile[index];
     let moved = |taxel: usize| -> Option<[f64; 3]> {
-        let is_usable = take.force[index].faults[taxel].is_empty();
-        is_usable
-            .then(|| std::array::from_fn(|axis| f64::from(frame.counts[taxel][axis]) - rest[taxel][axis]))
+        let (counts, rest) = (frame.counts[taxel].map(f64::from), take.rest[taxel]);
+        let is_usable = take.force[index].faults[taxel].is_empty() && !rest[0].is_nan();
+        is_usable.then(|| std::array::from_fn(|axis| counts[axis] - f64::from(rest[axis])))
     };
     let all = (0..take.layout.len()).filter_map(moved).flatten();
     let largest = all.map(f64::abs).fold(1.0, f64::max);

@@ -4,7 +4,7 @@ use crate::input::Input;
 use crate::offline::OfflineArgs;
 use anyhow::{Context, bail};
 use taxel_compress::Compressor;
-use taxel_hand::{ForceFrame, Freshness, Method, Profile, TactileFrame, TactileImage, did_you_mean};
+use taxel_hand::{ForceFrame, Method, Profile, TactileFrame, TactileImage, did_you_mean};
 use taxel_skin::Layout;
 
 /// A contact that is away for no longer is the same contact, frames.
@@ -20,6 +20,8 @@ pub(super) struct Take {
     pub(super) unit: Option<&'static str>,
     /// Counts of each frame; empty where the recording holds magnitudes.
     pub(super) tactile: Vec<TactileFrame>,
+    /// The first baseline of each taxel, counts x, y, z; not a number where it never had one.
+    pub(super) rest: Vec<[f32; 3]>,
     pub(super) force: Vec<ForceFrame>,
     /// When it begins, nanoseconds.
     begins_ns: u64,
@@ -47,6 +49,7 @@ impl Take {
             profile: config.profile.clone(),
             unit: None,
             tactile: Vec::new(),
+            rest: vec![[f32::NAN; 3]; config.layout.len()],
             force: Vec::new(),
             begins_ns: match &input {
                 Input::Frames(recording) => recording.t_ns(0),
@@ -54,8 +57,14 @@ impl Take {
             },
         };
         offline.run(&input, &config, &mut |felt| {
-            take.tactile
-                .extend(felt.measured.map(|measured| measured.tactile.clone()));
+            if let Some(measured) = &felt.measured {
+                take.tactile.push(measured.tactile.clone());
+                for (rest, baseline) in take.rest.iter_mut().zip(measured.baseline) {
+                    if rest[0].is_nan() {
+                        *rest = *baseline;
+                    }
+                }
+            }
             take.force.push(felt.force.clone());
             Ok(())
         })?;
@@ -135,6 +144,18 @@ impl Take {
         lasting.or(contacts.first()).copied()
     }
 
+    /// The last frame, of those up to this one, in which a contact is what was read: the first frame after a touch may be
+    /// held back as a glitch, and the touch is still felt.
+    fn last_read(&self, module: usize, last: usize) -> usize {
+        let is_read = |index: &usize| {
+            let frame = &self.force[*index];
+            let mut taxels = self.layout.modules[module].taxel_range();
+            taxels.any(|n| frame.contact[n] && !frame.repaired[n])
+        };
+        let near = last.saturating_sub(FLICKER)..=last;
+        near.rev().find(is_read).unwrap_or(last)
+    }
+
     /// The module engaging, the hand at its tightest, the module disengaging. A recording that begins or ends in its
     /// contact does not show that.
     pub(super) fn usual_instants(&self, module: usize) -> Vec<Instant> {
@@ -146,7 +167,7 @@ impl Take {
         };
         let disengages = |(_, last)| match last {
             last if last + 1 == self.force.len() => ("end of the recording".into(), last),
-            _ => (format!("{name} disengages"), last),
+            _ => (format!("{name} disengages"), self.last_read(module, last)),
         };
         let tightest = self.tightest().map(|index| ("tightest".into(), index));
         let known = [contact.map(engages), tightest, contact.map(disengages)];
@@ -193,31 +214,6 @@ impl Take {
         }
         Ok(images)
     }
-
-    /// Counts at rest: the mean of the frames before the first contact in which the taxel has a value.
-    pub(super) fn at_rest(&self) -> Vec<[f64; 3]> {
-        let end = self
-            .force
-            .iter()
-            .position(|frame| frame.contacts() > 0)
-            .unwrap_or(self.force.len());
-        let mut sums = vec![([0.0; 3], 0.0); self.layout.len()];
-        for frame in self.tactile.iter().take(end.max(1)) {
-            for ((sum, count), (xyz, freshness)) in
-                sums.iter_mut().zip(frame.counts.iter().zip(&frame.freshness))
-            {
-                if *freshness == Freshness::Fresh {
-                    *count += 1.0;
-                    sum.iter_mut()
-                        .zip(xyz)
-                        .for_each(|(sum, value)| *sum += f64::from(*value));
-                }
-            }
-        }
-        sums.into_iter()
-            .map(|(sum, count)| sum.map(|value| value / f64::max(count, 1.0)))
-            .collect()
-    }
 }
 
 #[cfg(test)]
@@ -239,6 +235,7 @@ mod tests {
             profile: Profile::default(),
             unit: None,
             tactile: Vec::new(),
+            rest: Vec::new(),
             force: force.collect(),
             begins_ns: 0,
         }

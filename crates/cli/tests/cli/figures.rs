@@ -334,3 +334,38 @@ fn a_taxel_without_a_value_has_no_counts_and_no_colour() {
     let svg = fs::read_to_string(dir.path().join("out/in-frame.svg")).unwrap();
     assert!(!svg.contains("\"#000000\"") && !svg.contains("\"#000\""), "{svg}");
 }
+
+#[test]
+fn what_changed_is_measured_from_where_the_baseline_is_and_a_touch_ends_while_it_is_read() {
+    let dir = TempDir::new().unwrap();
+    // The middle of 6 x 6 taxels is pressed by 500 counts from frame 60 to 119.
+    let counts = Array3::from_shape_fn((200, 36, 3), |(t, taxel, axis)| {
+        let is_pressed = (2..4).contains(&(taxel / 6)) && (2..4).contains(&(taxel % 6));
+        let press = if is_pressed && axis == 2 && (60..120).contains(&t) {
+            500.0
+        } else {
+            0.0
+        };
+        20_000.0 + press + ((t * 7 + taxel * 5) % 3) as f64 - 1.0
+    });
+    ndarray_npy::write_npy(dir.path().join("in.npy"), &counts).unwrap();
+    succeeds(
+        &dir,
+        &["figures", "in.npy", "--layout", "grid:6x6", "--out", "out"],
+    );
+    for instant in ["grid engages", "tightest", "grid disengages"] {
+        for (title, is_force) in [("raw", false), ("felt", true)] {
+            let rows = rows(&dir, "in-instants.csv", &format!("{title}: {instant}"));
+            let values = rows.iter().filter(|row| is_force || row[2] == "z");
+            let values: Vec<f64> = values.map(|row| row[7].parse().unwrap()).collect();
+            assert_eq!(values.len(), 36, "{title}: {instant}");
+            for (n, value) in values.into_iter().enumerate() {
+                let wanted = if [14, 15, 20, 21].contains(&n) { 500.0 } else { 0.0 };
+                assert!(
+                    (value - wanted).abs() < 3.0,
+                    "{title}: {instant}, taxel {n}: {value}"
+                );
+            }
+        }
+    }
+}
