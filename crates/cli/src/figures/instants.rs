@@ -84,7 +84,7 @@ fn amount(force: f64, unit: Option<&str>) -> String {
 }
 
 /// The forces of the taxels in contact, in grey, and in their own unit beside the figure: the tactile frame of the
-/// publication.
+/// publication. A taxel that is out of use has no number.
 pub(super) fn felt(take: &Take, index: usize, title: String) -> Picture {
     let frame = &take.force[index];
     let strongest = (0..take.layout.len())
@@ -92,9 +92,10 @@ pub(super) fn felt(take: &Take, index: usize, title: String) -> Picture {
         .map(|n| frame.force[n])
         .fold(0.0, f64::max);
     let forces = pixels(take, |taxel| match frame.contact[taxel] {
-        true => frame.force[taxel],
-        false => 0.0,
+        true => Some(frame.force[taxel]),
+        false => frame.faults[taxel].is_empty().then_some(0.0),
     });
+    let forces: Vec<Option<f64>> = forces.into_iter().map(Option::flatten).collect();
     let grey = |force: f64| (255.0 * force / strongest.max(f64::MIN_POSITIVE)).round() as u8;
     let grey = forces.iter().map(|force| force.map_or(0, grey));
     let caption = format!(

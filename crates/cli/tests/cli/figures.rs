@@ -304,7 +304,7 @@ fn what_the_configuration_excludes_is_left_out_and_the_rest_is_drawn() {
 }
 
 #[test]
-fn a_taxel_without_a_value_has_no_counts_and_no_colour() {
+fn a_taxel_without_a_value_has_no_counts_no_force_and_no_colour() {
     let dir = TempDir::new().unwrap();
     let counts = Array3::from_shape_fn((90, 4, 3), |(t, taxel, axis)| {
         let press = if taxel == 1 && axis == 2 {
@@ -331,6 +331,9 @@ fn a_taxel_without_a_value_has_no_counts_and_no_colour() {
             assert_eq!(empty, [false, false, false, true], "{title}, {axis}");
         }
     }
+    let felt = rows(&dir, "in-instants.csv", "felt: tightest");
+    let empty: Vec<bool> = felt.iter().map(|row| row[7].is_empty()).collect();
+    assert_eq!(empty, [false, false, false, true]);
     let svg = fs::read_to_string(dir.path().join("out/in-frame.svg")).unwrap();
     assert!(!svg.contains("\"#000000\"") && !svg.contains("\"#000\""), "{svg}");
 }
