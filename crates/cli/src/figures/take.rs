@@ -9,6 +9,8 @@ use taxel_skin::Layout;
 
 /// A contact that is away for no longer is the same contact, frames.
 const FLICKER: usize = 3;
+/// From here on a contact is no row of flickers, frames.
+const LASTING: usize = 2 * FLICKER;
 
 /// A recording, conditioned as the daemon does it.
 #[derive(Debug)]
@@ -109,11 +111,20 @@ impl Take {
             .max_by(|a, b| self.total_force(*a).total_cmp(&self.total_force(*b)))
     }
 
-    /// The module that is touched first, the one pressed hardest of several.
+    /// The module whose first contact begins first, the one pressed hardest of several; one that only flickers where no
+    /// other is touched.
     pub(super) fn touched_first(&self) -> Option<usize> {
-        let index = self.force.iter().position(|frame| frame.contacts() > 0)?;
-        let modules = (0..self.layout.modules.len()).rev();
-        modules.max_by(|a, b| self.force_on(*a, index).total_cmp(&self.force_on(*b, index)))
+        let contacts = (0..self.layout.modules.len()).filter_map(|module| {
+            let (first, last) = self.first_contact(module)?;
+            Some((
+                module,
+                (last - first < LASTING, first),
+                self.force_on(module, first),
+            ))
+        });
+        let first =
+            contacts.min_by(|(_, a, force_a), (_, b, force_b)| a.cmp(b).then(force_b.total_cmp(force_a)));
+        first.map(|(module, ..)| module)
     }
 
     pub(super) fn module_named(&self, name: &str) -> anyhow::Result<usize> {
@@ -129,7 +140,7 @@ impl Take {
         })
     }
 
-    /// The first and the last frame of a module's first contact: the first that lasts for longer than one that flickers,
+    /// The first and the last frame of a module's first contact: the first that lasts for longer than a row of flickers,
     /// if there is one.
     pub(super) fn first_contact(&self, module: usize) -> Option<(usize, usize)> {
         let touched = (0..self.force.len()).filter(|index| self.force_on(module, *index) > 0.0);
@@ -140,7 +151,7 @@ impl Take {
                 _ => contacts.push((index, index)),
             }
         }
-        let lasting = contacts.iter().find(|(first, last)| last - first >= FLICKER);
+        let lasting = contacts.iter().find(|(first, last)| last - first >= LASTING);
         lasting.or(contacts.first()).copied()
     }
 
@@ -272,6 +283,35 @@ mod tests {
         assert_eq!(take(&frames).first_contact(0), Some((2, 2)), "there is no other");
         frames[8..15].fill([9.0, 1.0]);
         assert_eq!(take(&frames).first_contact(0), Some((8, 14)));
+    }
+
+    #[test]
+    fn a_module_that_flickers_is_not_touched_first_where_another_is_held() {
+        let layout = Layout::builtin("allegro-uskin-15").unwrap();
+        let frames = vec![[0.0, 0.0]; 20];
+        let mut take = Take {
+            force: vec![ForceFrame::new(layout.len()); frames.len()],
+            layout,
+            ..take(&frames)
+        };
+        let press = |take: &mut Take, module: usize, frames: std::ops::Range<usize>, force: f64| {
+            let taxel = take.layout.modules[module].taxel_range().start;
+            for frame in &mut take.force[frames] {
+                (frame.force[taxel], frame.contact[taxel]) = (force, true);
+            }
+        };
+        for (module, frames, force, wanted) in [
+            (4, 2..3, 1.0, 4),
+            (6, 2..3, 2.0, 6),
+            (6, 5..6, 2.0, 6),
+            (1, 12..19, 9.0, 1),
+            (3, 9..19, 1.0, 3),
+            (5, 9..19, 1.0, 3),
+            (7, 9..19, 3.0, 7),
+        ] {
+            press(&mut take, module, frames, force);
+            assert_eq!(take.touched_first(), Some(wanted));
+        }
     }
 
     #[test]
