@@ -74,11 +74,9 @@ async fn welcome<M: ProfileMaker>(socket: Socket, server: Rc<Server<M>>) {
         Ok(mut subscriber) => {
             let farewell = subscriber.attend().await;
             match farewell {
-                Farewell::Nonsense(_) | Farewell::Insists(_) => {
+                Farewell::Nonsense(_) | Farewell::Insists(_) | Farewell::MadeRoom => {
                     send_disconnect(&subscriber.socket, &farewell, LAST_WORDS).await;
                 }
-                // Its place is taken: it is told if it takes that at once.
-                Farewell::MadeRoom => send_disconnect(&subscriber.socket, &farewell, Duration::ZERO).await,
                 _ => {}
             }
             farewell

@@ -31,6 +31,8 @@ use tokio::time::timeout;
 
 /// Least send buffer of a subscriber's socket, bytes: it holds a part of a HELLO.
 const LEAST_BUFFER: usize = 4608;
+/// The same of one that wants the status alone: a status or two of a usual hand, and why it has to go, are unread in it.
+const ONLOOKER_BUFFER: usize = 32_768;
 /// Most send buffer of a subscriber that is sent every message: the usual limit for programs
 /// without privileges.
 const EVERY_BUFFER: usize = 212_992;
@@ -135,7 +137,11 @@ impl<'a, M: ProfileMaker> Subscriber<'a, M> {
     fn size_send_buffer(&self) -> io::Result<()> {
         let kept = |stream: &Stream| kept_bytes(HEADER_LEN + stream.payload_len());
         let raw = self.raw.as_ref().map_or(0, |feed| kept(feed.stream()));
-        let newest = send_buffer(kept(&self.shown.stream) + raw).max(LEAST_BUFFER);
+        let least = match self.wants.image || self.raw.is_some() {
+            true => LEAST_BUFFER,
+            false => ONLOOKER_BUFFER,
+        };
+        let newest = send_buffer(kept(&self.shown.stream) + raw).max(least);
         let bytes = match self.wants.every {
             true => newest.max(EVERY_BUFFER.min(self.shown.stream.backlog_bytes())),
             false => newest,
