@@ -44,7 +44,7 @@ fn a_damaged_time_costs_no_images_and_is_told_with_its_line() {
 fn lines_that_are_days_apart_make_no_images_of_the_days() {
     let dir = TempDir::new().unwrap();
     let log: String = (0..40)
-        .map(|i| format!("({}.000000) can0 123#00\n", i * 80_000))
+        .map(|i| format!("({}.000000) can0 123#0080008000800000\n", i * 80_000))
         .collect();
     let (images, err) = compressed(&dir, &log);
     assert!(images.len() < 10_000, "{} bytes", images.len());

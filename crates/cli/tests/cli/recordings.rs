@@ -469,7 +469,10 @@ fn what_cannot_be_converted_or_recorded_is_refused_with_what_to_do() {
             &["convert", "sim:tap", "tap.mcap"],
             "`taxel sim tap --to log:tap.log`",
         ),
-        (&["convert", "a.log", "a.npz"], "a.log: there is no frame in it"),
+        (
+            &["convert", "a.log", "a.npz"],
+            "a.log: no reading can be had of it: 1 frame",
+        ),
         (
             &["record", "a.log", "--no-can"],
             "a recording is called NAME.mcap",
