@@ -246,7 +246,7 @@ fn what_would_not_start_is_refused_by_check_as_by_the_start_and_for_good() {
     let folder = tempfile::tempdir().unwrap();
     let path = folder.path().join("taxeld.toml");
     let buses = |source: &str| {
-        let bus = |n| format!("[[bus]]\nsource = '{}'\n", source.replace("N", n));
+        let bus = |n| format!("[[bus]]\nsource = '{}'\n", source.replace("{n}", n));
         [bus("0"), bus("1")].concat()
     };
     let sockets = format!(
@@ -260,14 +260,14 @@ fn what_would_not_start_is_refused_by_check_as_by_the_start_and_for_good() {
     let recording = folder.path().join("two.log");
     std::fs::write(&recording, "(1.0) vcan1 135#01\nno frame\n(2.0) can0 135#02\n").unwrap();
     let cases = [
-        (buses("log:no-such-N.log") + &sockets, 2, "no-such-0.log"),
+        (buses("log:no-such-{n}.log") + &sockets, 2, "no-such-0.log"),
         (
             format!("[[bus]]\nsource = 'log:{mixed}'\n[[bus]]\nsource = 'udp:'\n{sockets}"),
             2,
             "mixed.log?interface=slcan0",
         ),
         (
-            buses(&format!("log:{}?interface=canN", recording.display())) + &sockets,
+            buses(&format!("log:{}?interface=can{{n}}", recording.display())) + &sockets,
             4,
             "two.log has no frame on interface can1; it has can0, vcan1",
         ),
