@@ -38,6 +38,8 @@ pub enum Disturbance {
     PotentiometerLost,
     /// A potentiometer says 0 degrees all the time.
     PotentiometerDead,
+    /// Tactels count so many times as much, and no more than the largest count of the squeeze.
+    Gain(f64),
 }
 
 impl std::fmt::Display for Disturbance {
@@ -57,12 +59,13 @@ impl std::fmt::Display for Disturbance {
             Self::PotentiometerFloats => f.write_str("one whose wire hangs free"),
             Self::PotentiometerLost => f.write_str("a potentiometer lost"),
             Self::PotentiometerDead => f.write_str("a potentiometer at 0"),
+            Self::Gain(times) => write!(f, "{times} times the gain"),
         }
     }
 }
 
 impl Disturbance {
-    /// The squeeze as it is where this happens, touch left out; `seed` says where, how and to which finger.
+    /// The squeeze as it is where this happens, touch left out where it does not happen to touch; `seed` says where, how and to which finger.
     pub fn apply(self, squeeze: &Squeeze, seed: u64) -> Squeeze {
         let mut random = Random::new(seed);
         let finger = random.below(2);
@@ -135,6 +138,11 @@ impl Disturbance {
             }
             Self::PotentiometerLost => other.theta_p_deg[finger].fill(f64::NAN),
             Self::PotentiometerDead => other.theta_p_deg[finger].fill(0.0),
+            Self::Gain(times) => {
+                let most = squeeze.tactile.iter().flatten().max().copied().unwrap_or(0);
+                let gained = |count: &u16| (f64::from(*count) * times).round().min(f64::from(most)) as u16;
+                other.tactile = (squeeze.tactile.as_ref()).map(|counts| counts.iter().map(gained).collect());
+            }
         }
         other
     }

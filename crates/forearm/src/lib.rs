@@ -33,7 +33,7 @@ pub use fusion::{Fused, Fusion};
 pub use kinesthetic::{Kinesthetic, MOST_UNKNOWN};
 pub use mat::{Matrix, TornMat, read_mat, write_mat};
 pub use model::{Model, TrainedOn};
-pub use protocol::{Errors, Judged, PlaceErrors, Split, splits};
+pub use protocol::{Errors, Judged, PlaceErrors, Split, splits, splits_of_few};
 pub use regression::{Choice, Tried};
 pub use session::{PLACES, Session, Trial, location_percent, touch_file};
 pub use squeeze::{COLUMNS, FINGERS, Sample, Squeeze, TACTELS, TACTILE_COLUMNS, TACTILE_ROWS};

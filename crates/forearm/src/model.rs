@@ -13,7 +13,7 @@ use std::path::Path;
 /// What the first line of a model file says it is.
 const KIND: &str = "taxel forearm model";
 /// The version that is written, and the only one that is read.
-const VERSION: u32 = 3;
+const VERSION: u32 = 4;
 /// A model file is no larger: what is read first is bounded.
 const MOST_BYTES: u64 = 64 << 20;
 
@@ -64,6 +64,8 @@ pub struct TrainedOn {
     pub squeezes: usize,
     /// Places, from 0 (wrist) to 100 (elbow).
     pub places: Vec<f64>,
+    /// Whether it says that it is of a simulated forearm.
+    pub simulated: bool,
 }
 
 /// A trained estimator with what it was trained on.
@@ -97,6 +99,7 @@ impl Model {
                 session: session.name.clone(),
                 squeezes: trials.len(),
                 places: session.locations(),
+                simulated: session.simulated,
             },
             kinesthetic: Kinesthetic::train(&trials)?,
             touch: match session.has_touch() {
@@ -227,6 +230,7 @@ mod tests {
                 session: "elsewhere".into(),
                 squeezes: 0,
                 places: Vec::new(),
+                simulated: false,
             },
         };
         let mut text = serde_json::to_string(&header).unwrap() + "\n{}\n";

@@ -25,6 +25,12 @@ pub struct Split {
 
 /// The publication's random repetitions; the same seed gives the same.
 pub fn splits(session: &Session, repetitions: usize, seed: u64) -> Vec<Split> {
+    splits_of_few(session, repetitions, seed, usize::MAX)
+}
+
+/// The same repetitions, but at most `squeezes` at each place are trained on, drawn from those that would be. The others are
+/// neither trained on nor judged.
+pub fn splits_of_few(session: &Session, repetitions: usize, seed: u64, squeezes: usize) -> Vec<Split> {
     let mut random = Random::new(seed);
     let locations = session.locations();
     let of_place = |place: &f64| {
@@ -39,7 +45,7 @@ pub fn splits(session: &Session, repetitions: usize, seed: u64) -> Vec<Split> {
             random.shuffle(&mut trials);
             let (train, test) = trials.split_at((TRAINED * trials.len() as f64).round() as usize);
             let [own, own_test, other_all] = if number % 2 == 0 { [0, 1, 3] } else { [2, 3, 1] };
-            parts[own].extend_from_slice(train);
+            parts[own].extend(train.iter().take(squeezes));
             parts[own_test].extend_from_slice(test);
             parts[other_all].extend_from_slice(&trials);
         }
@@ -229,6 +235,7 @@ mod tests {
         };
         Session {
             name: "test".into(),
+            simulated: false,
             trials: (0..130).map(trial).collect(),
         }
     }
@@ -250,6 +257,14 @@ mod tests {
         }
         assert_ne!(drawn[0], drawn[1]);
         assert_eq!(drawn, splits(&session(), 3, 1));
+        for (split, whole) in splits_of_few(&session(), 3, 1, 2).iter().zip(&drawn) {
+            assert_eq!((split.train.len(), split.fusion_train.len()), (14, 12));
+            assert!(split.train.iter().all(|n| whole.train.contains(n)));
+            assert_eq!(
+                (&split.test, &split.fusion_test),
+                (&whole.test, &whole.fusion_test)
+            );
+        }
     }
 
     #[test]

@@ -3,6 +3,7 @@
 use crate::error::ForearmError;
 use crate::mat::{Matrix, read_mat, write_mat};
 use crate::squeeze::{COLUMNS, Squeeze, TACTELS, TACTILE_COLUMNS, TACTILE_ROWS};
+use serde::Deserialize;
 use std::fs;
 use std::path::{Path, PathBuf};
 use taxel_record::{NpzWriter, NumberArray, write_npy};
@@ -11,6 +12,10 @@ use taxel_record::{NpzWriter, NumberArray, write_npy};
 pub const PLACES: usize = 13;
 /// The variable of the publication's `.mat` files: "data" in Spanish.
 const VARIABLE: &str = "datos";
+/// The array of an `.npz` that is 1 where its squeezes are simulated.
+const SIMULATED: &str = "simulated";
+/// What `taxel forearm record` keeps beside the folders of a session.
+const SETTINGS: &str = "session.json";
 /// Folders of folders that are looked through.
 const DEPTH: usize = 2;
 
@@ -56,6 +61,8 @@ fn name(location_percent: f64, repetition: usize) -> String {
 pub struct Session {
     /// File or folder, for messages.
     pub name: String,
+    /// Whether its file says that its squeezes are of a simulated forearm; one that says nothing may be of either.
+    pub simulated: bool,
     /// In the order of places and repetitions.
     pub trials: Vec<Trial>,
 }
@@ -142,18 +149,22 @@ impl Squeeze {
 impl Session {
     /// Reads a session: an `.npz` (`data`, places x repetitions x samples x 10, and `location_percent`), or a folder of the
     /// publication's, `PLACE/distancePLACE_REPETITION.mat` with places 0 to 12, and beside them, where there is touch,
-    /// `tactilePLACE_REPETITION.npy`.
+    /// `tactilePLACE_REPETITION.npy`. What is simulated says so: `simulated` is 1 in an `.npz`, true in a folder's
+    /// `session.json`.
     ///
     /// # Errors
     /// What cannot be read, with its file; a folder without any such file.
     pub fn open(path: &Path) -> Result<Self, ForearmError> {
-        let trials = if path.is_dir() {
-            read_folders(path)?
+        let (trials, simulated) = if path.is_dir() {
+            (read_folders(path)?, is_simulated_folder(path)?)
         } else {
-            read_npz(path)?
+            (read_npz(path)?, is_simulated_npz(path)?)
         };
-        let name = path.display().to_string();
-        Ok(Self { name, trials })
+        Ok(Self {
+            name: path.display().to_string(),
+            simulated,
+            trials,
+        })
     }
 
     /// Where its squeezes were made, ascending, each place once.
@@ -208,6 +219,9 @@ impl Session {
         let mut npz = NpzWriter::compressed(path);
         npz.add("data", &[&squeezes[..], &[COLUMNS]].concat(), data)?;
         npz.add("location_percent", &[places.len()], places)?;
+        if self.simulated {
+            npz.add(SIMULATED, &[1], [1u8])?;
+        }
         if self.has_touch() {
             let shape = [&squeezes[..], &[TACTILE_ROWS, TACTILE_COLUMNS]].concat();
             npz.add("tactile", &shape, tactile)?;
@@ -285,6 +299,41 @@ fn numbers(path: &Path) -> Option<(usize, usize)> {
         .strip_suffix(".mat")?
         .split_once('_')?;
     Some((place.parse().ok()?, repetition.parse().ok()?))
+}
+
+fn is_simulated_npz(path: &Path) -> Result<bool, ForearmError> {
+    let Some(array) = NumberArray::of_npz(path, SIMULATED)? else {
+        return Ok(false);
+    };
+    match array.values.as_slice() {
+        [0.0] => Ok(false),
+        [1.0] => Ok(true),
+        _ => Err(ForearmError::Unfit {
+            path: path.into(),
+            what: format!("{SIMULATED} must be one number, 0 or 1"),
+        }),
+    }
+}
+
+/// Whether the settings of a folder say so; one that somebody else filled has none.
+fn is_simulated_folder(path: &Path) -> Result<bool, ForearmError> {
+    #[derive(Deserialize)]
+    struct Settings {
+        #[serde(default)]
+        simulated: bool,
+    }
+    let path = path.join(SETTINGS);
+    if !path.exists() {
+        return Ok(false);
+    }
+    let text = fs::read(&path).map_err(io(&path))?;
+    match serde_json::from_slice(&text) {
+        Ok(Settings { simulated }) => Ok(simulated),
+        Err(error) => Err(ForearmError::Unfit {
+            path,
+            what: error.to_string(),
+        }),
+    }
 }
 
 fn read_npz(path: &Path) -> Result<Vec<Trial>, ForearmError> {

@@ -55,6 +55,7 @@ fn an_npz_holds_squeezes_of_unequal_length_and_leaves_out_those_that_were_not_ma
     let path = folder.path().join("session.npz");
     let mut session = Session {
         name: path.display().to_string(),
+        simulated: false,
         trials: vec![trial(0, 0, 5), trial(0, 1, 7), trial(12, 1, 3)],
     };
     session.write_npz(&path).unwrap();
@@ -69,11 +70,38 @@ fn an_npz_holds_squeezes_of_unequal_length_and_leaves_out_those_that_were_not_ma
 }
 
 #[test]
+fn what_is_simulated_says_so_in_every_kind_of_file() {
+    let folder = tempfile::tempdir().unwrap();
+    let path = folder.path().join("session.npz");
+    for simulated in [true, false] {
+        let session = Session {
+            name: path.display().to_string(),
+            simulated,
+            trials: vec![trial(0, 0, 5), trial(12, 0, 5)],
+        };
+        session.write_npz(&path).unwrap();
+        assert_eq!(Session::open(&path).unwrap(), session);
+    }
+    write(folder.path(), 3, 1, &squeeze(3, 4).to_mat());
+    for (settings, simulated) in [
+        (r#"{"version": 1, "simulated": true}"#, true),
+        (r#"{"version": 1}"#, false),
+    ] {
+        fs::write(folder.path().join("session.json"), settings).unwrap();
+        assert_eq!(Session::open(folder.path()).unwrap().simulated, simulated);
+    }
+    fs::write(folder.path().join("session.json"), "torn").unwrap();
+    let error = Session::open(folder.path()).unwrap_err().to_string();
+    assert!(error.contains("session.json"), "{error}");
+}
+
+#[test]
 fn a_squeeze_of_an_npz_is_cut_off_where_no_row_follows_and_nowhere_else() {
     let folder = tempfile::tempdir().unwrap();
     let path = folder.path().join("session.npz");
     let mut session = Session {
         name: path.display().to_string(),
+        simulated: false,
         trials: vec![trial(0, 0, 9), trial(12, 0, 9)],
     };
     session.trials[1].squeeze.time_ms[4] = f64::NAN;
@@ -136,6 +164,7 @@ fn what_cannot_be_read_is_named() {
     });
     let shares = Session {
         name: "shares".into(),
+        simulated: false,
         trials: trials.into(),
     };
     shares.write_npz(&path).unwrap();
@@ -179,6 +208,7 @@ fn times_in_seconds_are_refused_wherever_they_come_from() {
         let of_mat = Squeeze::read_mat(&path).unwrap_err().to_string();
         let session = Session {
             name: "in seconds".into(),
+            simulated: false,
             trials: vec![trial],
         };
         let path = folder.path().join("session.npz");

@@ -1,16 +1,16 @@
 //! `taxel forearm eval`: the publication's protocol.
 
 use super::eval_json::{self, Figures, Report};
-use super::judge::{Judgement, chosen, judge_all, judge_fused, train, trials};
+use super::judge::{Judgement, chosen, judge_all, train};
 use super::more::More;
 use super::network_args::NetworkArgs;
 use super::report;
+use super::with_touch::WithTouch;
 #[cfg(feature = "networks")]
 use anyhow::Context;
 use clap::ValueEnum;
 use std::path::PathBuf;
-use std::time::Instant;
-use taxel_forearm::{Fused, Fusion, Kinesthetic, Session, Split, Tactile, splits};
+use taxel_forearm::{Kinesthetic, Session, splits_of_few};
 
 /// Judge estimators by the publication's protocol.
 ///
@@ -35,6 +35,9 @@ pub(super) struct Args {
     /// Random numbers: the same seed, the same repetitions
     #[arg(long, value_name = "N", default_value_t = 1)]
     seed: u64,
+    /// Train on at most so many squeezes at each place, drawn from those that it would train on
+    #[arg(long, value_name = "N", value_parser = clap::value_parser!(u16).range(2..=1000))]
+    squeezes: Option<u16>,
     /// Only the protocol: no disturbances, early estimates, places left out and other procedures
     #[arg(long)]
     brief: bool,
@@ -87,6 +90,7 @@ fn paper(
     let report = Report {
         protocol: PROTOCOL,
         repetitions: judgements.first().map_or(0, |judgement| judgement.repetitions),
+        simulated: session.simulated,
         kinesthetic: figures("kinesthetic")
             .context("Ctrl-C came before the first epoch; nothing is judged")?,
         tactile: figures("tactile"),
@@ -104,7 +108,8 @@ pub(super) fn run(args: &Args) -> anyhow::Result<String> {
         );
     }
     let session = super::session(&args.data)?;
-    let splits = splits(&session, args.repetitions.into(), args.seed);
+    let most = args.squeezes.map_or(usize::MAX, usize::from);
+    let splits = splits_of_few(&session, args.repetitions.into(), args.seed, most);
     if args.method == Method::Paper {
         return paper(&args.networks, args, &session, &splits);
     }
@@ -112,7 +117,12 @@ pub(super) fn run(args: &Args) -> anyhow::Result<String> {
     let outcome = judge_all(&session, &splits, &trained.estimators, None)?;
     let train_s = trained.took.as_secs_f64();
     let touch = match session.has_touch() {
-        true => Some(with_touch(&session, &splits, &trained.estimators)?),
+        true => Some(WithTouch::of(
+            &session,
+            &splits,
+            &trained.estimators,
+            !args.brief,
+        )?),
         false => None,
     };
     let more = match args.brief {
@@ -125,18 +135,21 @@ pub(super) fn run(args: &Args) -> anyhow::Result<String> {
         let report = Report {
             protocol: PROTOCOL,
             repetitions: splits.len(),
+            simulated: session.simulated,
             kinesthetic: Figures::of(&outcome, train_s),
             tactile: touch.as_ref().and_then(|touch| figures(&touch.tactile)),
             fused: touch.as_ref().and_then(|touch| figures(&touch.fused)),
             chosen: chosen(&trained.estimators),
-            more: more.as_ref().map(|more| eval_json::More::of(&session, more)),
+            more: more
+                .as_ref()
+                .map(|more| eval_json::More::of(&session, more, touch.as_ref())),
         };
         return Ok(serde_json::to_string(&report)? + "\n");
     }
     let mut text = report::procedure(&session, &splits, &trained.estimators);
     text += &report::errors("kinesthetic", &session, &outcome, train_s);
     text += &report::places(&outcome);
-    for (name, (judgement, train_s)) in touch.iter().flat_map(Touch::parts) {
+    for (name, (judgement, train_s)) in touch.iter().flat_map(WithTouch::parts) {
         match judgement {
             Ok(outcome) => {
                 text += &report::errors(name, &session, outcome, *train_s);
@@ -151,6 +164,12 @@ pub(super) fn run(args: &Args) -> anyhow::Result<String> {
             more.disturbed.iter().map(|(name, outcome)| (name, outcome)),
         );
         let name = |share: f64| format!("after {:.0} % of its time", 100.0 * share);
+        if let Some(touch) = &touch {
+            text += &report::table(
+                "an array of another gain",
+                touch.gains.iter().map(|(name, outcome)| (name, outcome)),
+            );
+        }
         text += &report::table(
             "before the squeeze is over, from angles",
             more.early.iter().map(|(share, outcome)| (name(*share), outcome)),
@@ -162,39 +181,4 @@ pub(super) fn run(args: &Args) -> anyhow::Result<String> {
         );
     }
     Ok(text)
-}
-
-/// What became of the estimators that need touch, and how long their training took, s.
-struct Touch {
-    tactile: (Judgement, f64),
-    fused: (Judgement, f64),
-}
-
-impl Touch {
-    fn parts(&self) -> [(&'static str, &(Judgement, f64)); 2] {
-        [("tactile", &self.tactile), ("fused", &self.fused)]
-    }
-}
-
-fn with_touch(session: &Session, splits: &[Split], angles: &[Kinesthetic]) -> anyhow::Result<Touch> {
-    let tactile = train(session, splits, Tactile::train)?;
-    let judgement = judge_all(session, splits, &tactile.estimators, None);
-    let began = Instant::now();
-    let mut fused = Vec::new();
-    for ((kinesthetic, tactile), split) in angles.iter().zip(tactile.estimators).zip(splits) {
-        // Where no touch can be judged, both are as far off as they say.
-        let fusion = Fusion::train(kinesthetic, &tactile, &trials(session, &split.fusion_train))
-            .unwrap_or_else(|_| Fusion::by_intervals());
-        let kinesthetic = kinesthetic.clone();
-        fused.push(Fused {
-            kinesthetic,
-            tactile,
-            fusion,
-        });
-    }
-    let took = began.elapsed();
-    Ok(Touch {
-        tactile: (judgement, tactile.took.as_secs_f64()),
-        fused: (judge_fused(session, splits, &fused), took.as_secs_f64()),
-    })
 }

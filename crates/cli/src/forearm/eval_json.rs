@@ -2,6 +2,7 @@
 
 use super::judge::{Chosen, Judgement, Outcome, closed_at_peak};
 use super::more;
+use super::with_touch::WithTouch;
 use serde::Serialize;
 use taxel_forearm::{Errors, PlaceErrors, Session};
 
@@ -9,6 +10,8 @@ use taxel_forearm::{Errors, PlaceErrors, Session};
 pub(super) struct Report {
     pub(super) protocol: &'static str,
     pub(super) repetitions: usize,
+    /// Whether the session says that it is of a simulated forearm.
+    pub(super) simulated: bool,
     pub(super) kinesthetic: Figures,
     pub(super) tactile: Option<Figures>,
     pub(super) fused: Option<Figures>,
@@ -105,6 +108,9 @@ impl Figures {
 #[derive(Debug, Serialize)]
 pub(super) struct More {
     disturbed: Vec<Row>,
+    /// Where the array has another gain; only of sessions with touch.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    gains: Option<Vec<Row>>,
     early: Vec<Row>,
     places_left_out: PlacesLeftOut,
     procedures: Vec<Row>,
@@ -171,7 +177,7 @@ struct PlaceLeftOut {
 }
 
 impl More {
-    pub(super) fn of(session: &Session, more: &more::More) -> Self {
+    pub(super) fn of(session: &Session, more: &more::More, touch: Option<&WithTouch>) -> Self {
         let rows = |rows: &[(String, Judgement)]| {
             let row = |(what, judgement): &(String, Judgement)| Row::of(Some(what), None, judgement);
             rows.iter().map(row).collect()
@@ -183,6 +189,7 @@ impl More {
         };
         Self {
             disturbed: rows(&more.disturbed),
+            gains: touch.map(|touch| rows(&touch.gains)),
             early: (more.early.iter())
                 .map(|(share, judgement)| Row::of(None, Some(*share), judgement))
                 .collect(),

@@ -3,6 +3,7 @@
 use super::disturbed::by_share;
 use super::judge::{Judgement, judge_all, train};
 use super::report;
+use super::with_touch::WithTouch;
 use anyhow::Context;
 use serde_json::json;
 use std::path::PathBuf;
@@ -12,7 +13,8 @@ use taxel_plot::{Axis, Chart, Picture, Sheet};
 
 /// Draw the publication's figures 5, 7 and 8 and error against elapsed squeeze, numbers as CSV beside them.
 ///
-/// Estimates are those from the angles alone, also where the session has touch.
+/// Where the session has touch, figures 7 and 8 have estimates from angles, from touch and from both; error against elapsed
+/// squeeze is that from the angles alone. Titles say of what is simulated that it is.
 #[derive(Debug, clap::Args)]
 pub(super) struct Args {
     /// A session: an .npz or a folder of .mat files
@@ -38,23 +40,35 @@ pub(super) fn run(args: &Args) -> anyhow::Result<String> {
     let splits = splits(&session, args.repetitions.into(), args.seed);
     let models = train(&session, &splits, Kinesthetic::train)?.estimators;
     let errors = judge_all(&session, &splits, &models, None)?.errors;
+    let touched = match session.has_touch() {
+        true => Some(WithTouch::of(&session, &splits, &models, false)?),
+        false => None,
+    };
+    let mut sources = vec![("kinesthetic", &errors)];
+    for (name, (judgement, _)) in touched.iter().flat_map(WithTouch::parts) {
+        sources.extend(judgement.as_ref().ok().map(|outcome| (name, &outcome.errors)));
+    }
     let early = by_share(&session, &splits, &models);
     let published = report::beside("kinesthetic", &session);
-    let of = match session.has_touch() {
-        true => ", from the angles alone",
+    let of = match session.simulated {
+        true => " (simulated forearm)",
         false => "",
     };
+    let alone = match session.has_touch() {
+        true => format!(", from the angles alone{of}"),
+        false => of.into(),
+    };
     let sheets = [
-        ("forearm-05", squeezes(&session)),
-        ("forearm-07", estimates(&errors, of)),
-        ("forearm-08", errors_by_place(&errors, of, published)),
+        ("forearm-05", squeezes(&session, of)),
+        ("forearm-07", estimates(&sources, of)),
+        ("forearm-08", errors_by_place(&sources, of, published)),
         (
             "forearm-early",
             elapsed(
                 (early.iter())
                     .filter_map(|(share, judgement)| Some((*share, &judgement.as_ref().ok()?.errors))),
                 &errors,
-                of,
+                &alone,
                 &not_estimated(&early),
                 published,
             ),
@@ -76,10 +90,10 @@ pub(super) fn run(args: &Args) -> anyhow::Result<String> {
 }
 
 /// Figure 5: angles over a squeeze at the wrist, in the middle and at the elbow; tactile images where there are any.
-fn squeezes(session: &Session) -> Sheet {
+fn squeezes(session: &Session, of: &str) -> Sheet {
     let places = session.locations();
     let shown = [0, places.len() / 2, places.len() - 1].map(|n| places[n]);
-    let mut sheet = Sheet::new("Squeeze and release: angles of the fingers")
+    let mut sheet = Sheet::new(format!("Squeeze and release: angles of the fingers{of}"))
         .columns(3)
         .panel_size(380, 300);
     let trials = || {
@@ -136,31 +150,38 @@ fn names(errors: &Errors) -> Vec<String> {
         .collect()
 }
 
-/// Figure 7: estimates at each place.
-fn estimates(errors: &Errors, of: &str) -> Sheet {
-    let places = Axis::of_names("place, % from wrist to elbow", names(errors));
-    let chart = Chart::new("", places, Axis::new("estimate, %").range(0.0, 100.0));
-    let samples = errors.places.iter().map(|place| place.estimates.clone());
-    Sheet::new(format!("Estimates at each place, all repetitions{of}"))
-        .panel_size(760, 420)
-        .chart(chart.boxes("kinesthetic", samples))
+/// Figure 7: estimates at each place, a panel for each way to estimate.
+fn estimates(sources: &[(&str, &Errors)], of: &str) -> Sheet {
+    let mut sheet = Sheet::new(format!("Estimates at each place, all repetitions{of}")).panel_size(760, 420);
+    for (name, errors) in sources {
+        // One alone is named by nothing that it is to be told from.
+        let title = if sources.len() > 1 { *name } else { "" };
+        let places = Axis::of_names("place, % from wrist to elbow", names(errors));
+        let chart = Chart::new(title, places, Axis::new("estimate, %").range(0.0, 100.0));
+        let samples = errors.places.iter().map(|place| place.estimates.clone());
+        sheet = sheet.chart(chart.boxes(*name, samples));
+    }
+    sheet
 }
 
 /// Figure 8: errors at each place, beside the publication's RMSE and MAE where they are of this data.
-fn errors_by_place(errors: &Errors, of: &str, published: Option<[f64; 3]>) -> Sheet {
+fn errors_by_place(sources: &[(&str, &Errors)], of: &str, published: Option<[f64; 3]>) -> Sheet {
     let mut sheet = Sheet::new(format!("Errors at each place{of}"))
         .columns(2)
         .panel_size(560, 340);
     type Value = fn(&PlaceErrors) -> f64;
     let parts: [(&str, Value); 2] = [("RMSE", |place| place.rmse), ("MAE", |place| place.mae)];
-    for (column, (name, value)) in parts.into_iter().enumerate() {
-        let places = Axis::of_names("place, % from wrist to elbow", names(errors));
-        let chart = Chart::new(
-            name,
-            places,
-            Axis::new(format!("{name}, % of the forearm")).from_zero(),
-        );
-        let mut chart = chart.bars("kinesthetic", errors.places.iter().map(value));
+    let all = names(sources[0].1);
+    for (column, (part, value)) in parts.into_iter().enumerate() {
+        let places = Axis::of_names("place, % from wrist to elbow", all.clone());
+        let axis = Axis::new(format!("{part}, % of the forearm")).from_zero();
+        let mut chart = Chart::new(part, places, axis);
+        for (source, errors) in sources {
+            // A place at which all was refused has no bar.
+            let here = |name: &String| names(errors).iter().position(|other| other == name);
+            let height = |name| here(name).map_or(f64::NAN, |n| value(&errors.places[n]));
+            chart = chart.bars(*source, all.iter().map(height));
+        }
         if let Some(published) = published {
             chart = chart.at_y("publication, mean", published[column]);
         }

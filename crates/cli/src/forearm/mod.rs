@@ -16,6 +16,7 @@ mod record;
 mod report;
 pub(crate) mod simulate;
 mod touch;
+mod with_touch;
 
 use anyhow::Context;
 use clap::Subcommand;
@@ -156,6 +157,7 @@ fn train(args: &TrainArgs) -> anyhow::Result<String> {
             "out": args.out.display().to_string(),
             "squeezes": squeezes,
             "places": session.locations().len(),
+            "simulated": model.trained_on.simulated,
             "touch": model.touch.is_some(),
             "without": model.kinesthetic.never_there().collect::<Vec<_>>(),
             "looks_at": chosen.choice.to_string(),
@@ -171,8 +173,12 @@ fn train(args: &TrainArgs) -> anyhow::Result<String> {
         (false, n) if n == squeezes => String::new(),
         (false, n) => format!(", from angles alone: {n} of them have no touch"),
     };
+    let of = match model.trained_on.simulated {
+        true => " of a simulated forearm",
+        false => "",
+    };
     let mut text = format!(
-        "{}: trained on {squeezes} squeezes at {} places{senses}\n",
+        "{}: trained on {squeezes} squeezes at {} places{of}{senses}\n",
         args.out.display(),
         session.locations().len(),
     );

@@ -2,7 +2,7 @@
 
 use super::judge::Outcome;
 use super::network_args::{self, NetworkArgs};
-use super::report::{beside, column};
+use super::report::{beside, column, simulated};
 use crate::seconds::duration_text;
 use anyhow::Context;
 use std::fmt::Write as _;
@@ -140,8 +140,9 @@ pub(super) fn report(
         network_args::Reading::Transposed => "angles",
     };
     let mut text = format!(
-        "{}: the publication's networks, as printed; {reading} are their time\n",
-        session.name
+        "{}: the publication's networks, as printed; {reading} are their time\n{}",
+        session.name,
+        simulated(session),
     );
     for judgement in judgements {
         let e = &judgement.outcome.errors;

@@ -16,7 +16,7 @@ pub(super) fn procedure(session: &Session, splits: &[Split], models: &[Kinesthet
         .first()
         .map_or((0, 0), |split| (split.train.len(), split.test.len()));
     let mut text = format!(
-        "{}: {} squeezes at {} places, {} repetitions: trained on {}, judged on {}\n\n\
+        "{}: {} squeezes at {} places, {} repetitions: trained on {}, judged on {}\n{}\n\
          Procedure. Partial least squares on the two sums of both fingers' angles, standardised, at\n\
          evenly spaced phases of the commanded PWM. Tried are 5, 8, 10, 14 and 20 phases, from the first sample or where\n\
          PWM rises, to where PWM is back at rest or the last sample, and 1 to 6 components: 120 choices. The one of least\n\
@@ -29,11 +29,20 @@ pub(super) fn procedure(session: &Session, splits: &[Split], models: &[Kinesthet
         splits.len(),
         counts.0,
         counts.1,
+        simulated(session),
     );
     for chosen in chosen(models) {
         let _ = writeln!(text, "  {:3} times  {}", chosen.times, chosen.choice);
     }
     text
+}
+
+/// A line where it is so, and nothing where it is not known.
+pub(super) fn simulated(session: &Session) -> &'static str {
+    match session.simulated {
+        true => "Its squeezes are of a simulated forearm: they are no evidence about people.\n",
+        false => "",
+    }
 }
 
 /// The publication's figures of a source beside those here, where these are of its own data; what was simulated or

@@ -13,7 +13,7 @@ const MOST: usize = 200;
 /// Make a session of a simulated forearm: both fingers' angles, and touch. It is no evidence about people.
 ///
 /// An .npz as the other commands take it: `data` (13 places x repetitions x samples x 10), `location_percent`, and `tactile`
-/// (13 x repetitions x samples x 28 x 50 counts from 0 to 255). The tenth column, of which the publication says nothing, is
+/// (13 x repetitions x samples x 28 x 50 counts from 0 to 255); `simulated` is 1. The tenth column, of which the publication says nothing, is
 /// not a number. What is modelled, and what was assumed, is in docs/forearm.md.
 #[derive(Debug, clap::Args)]
 #[command(after_help = "\
@@ -74,8 +74,11 @@ pub(crate) fn session(
             trials.push(trial(forearm, *place, repetition)?);
         }
     }
-    let name = "a simulated forearm".into();
-    Ok(Session { name, trials })
+    Ok(Session {
+        name: "a simulated forearm".into(),
+        simulated: true,
+        trials,
+    })
 }
 
 /// A squeeze at one of the publication's places.
@@ -113,6 +116,7 @@ mod tests {
         let path = folder.path().join("session.npz");
         made.write_npz(&path).unwrap();
         let read = Session::open(&path).unwrap();
+        assert!(read.simulated);
         assert_eq!(read.trials.len(), made.trials.len());
         for (read, made) in read.trials.iter().zip(&made.trials) {
             assert_eq!(read.location_percent, made.location_percent);

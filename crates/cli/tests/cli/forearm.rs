@@ -17,7 +17,8 @@ fn a_session_is_trained_on_and_its_squeezes_and_more_are_placed() {
     }
     let (out, _) = succeeds(&dir, &["forearm", "train", "train.npz", "--out", "arm.model"]);
     assert!(
-        out.contains("trained on 26 squeezes at 13 places") && out.contains("90 % interval"),
+        out.contains("trained on 26 squeezes at 13 places of a simulated forearm, from angles and touch")
+            && out.contains("90 % interval"),
         "{out}"
     );
     let told = |args: &[&str]| -> Value {
@@ -28,8 +29,8 @@ fn a_session_is_trained_on_and_its_squeezes_and_more_are_placed() {
     assert_eq!(made, json!({ "out": "train.npz", "squeezes": 26, "places": 13 }));
     let trained = told(&["train", "train.npz", "--out", "arm.model"]);
     assert_eq!(
-        (&trained["squeezes"], &trained["touch"]),
-        (&json!(26), &json!(true))
+        (&trained["squeezes"], &trained["touch"], &trained["simulated"]),
+        (&json!(26), &json!(true), &json!(true))
     );
     let width = trained["half_width_90"].as_f64().unwrap();
     assert!(
@@ -59,6 +60,7 @@ fn a_session_is_trained_on_and_its_squeezes_and_more_are_placed() {
         );
     }
     let text = fs::read_to_string(dir.path().join("arm.model")).unwrap();
+    assert!(text.lines().next().unwrap().contains("\"simulated\":true"));
     fs::write(dir.path().join("torn.model"), &text[..text.len() / 2]).unwrap();
     let error = fails(&dir, &["forearm", "estimate", "torn.model", "more.npz"], 1);
     assert!(
@@ -194,9 +196,12 @@ fn the_protocol_is_one_object_with_what_there_is() {
         &["forearm", "eval", "session.npz", "--repetitions", "1", "--json"],
     );
     let report: Value = serde_json::from_str(&out).unwrap();
-    assert_eq!(report["repetitions"], 1);
+    assert_eq!(
+        (&report["repetitions"], &report["simulated"]),
+        (&json!(1), &json!(true))
+    );
     // All that people are told, too.
-    for (rows, count) in [("disturbed", 16), ("early", 12), ("procedures", 5)] {
+    for (rows, count) in [("disturbed", 16), ("gains", 6), ("early", 12), ("procedures", 5)] {
         let rows = report[rows].as_array().unwrap();
         assert_eq!(rows.len(), count, "{out}");
         assert!(
@@ -296,10 +301,13 @@ fn a_row_without_an_estimate_says_why_and_hides_no_other() {
         "1",
     ];
     succeeds(&dir, &figures);
+    let drawn = |folder: &str, file: &str| fs::read_to_string(dir.path().join(folder).join(file)).unwrap();
     let title = |folder: &str| {
-        let drawn = fs::read_to_string(dir.path().join(folder).join("forearm-07.svg")).unwrap();
-        assert!(drawn.contains("Estimates at each place, all repetitions"));
-        drawn.contains("from the angles alone")
+        assert!(
+            drawn(folder, "forearm-07.svg")
+                .contains("Estimates at each place, all repetitions (simulated forearm)")
+        );
+        drawn(folder, "forearm-early.svg").contains("from the angles alone")
     };
     assert!(!title("figures"), "there is no touch in it");
     let figures = figures.map(|word| match word {
@@ -317,6 +325,21 @@ fn a_row_without_an_estimate_says_why_and_hides_no_other() {
         "{out}"
     );
     assert!(title("touched"));
+    for file in ["forearm-07.csv", "forearm-08.csv"] {
+        for (folder, sources) in [
+            ("figures", &["kinesthetic"][..]),
+            ("touched", &["kinesthetic", "tactile", "fused"]),
+        ] {
+            let numbers = drawn(folder, file);
+            for source in ["kinesthetic", "tactile", "fused"] {
+                let is_there = numbers.contains(&format!(",{source},"));
+                assert_eq!(is_there, sources.contains(&source), "{folder}/{file}: {source}");
+            }
+        }
+    }
+    for file in ["forearm-05.svg", "forearm-08.svg", "forearm-early.svg"] {
+        assert!(drawn("touched", file).contains("(simulated forearm)"), "{file}");
+    }
     let numbers = fs::read_to_string(dir.path().join("figures/forearm-early.csv")).unwrap();
     assert!(
         numbers.contains("squeezes without an estimate,5,100"),

@@ -35,6 +35,7 @@ fn session() -> Session {
     };
     Session {
         name: "test".into(),
+        simulated: false,
         trials: (0..6 * PLACES).map(trial).collect(),
     }
 }
@@ -431,8 +432,8 @@ fn a_model_comes_back_from_its_bytes_and_nothing_else_is_one() {
         );
     };
     refused(
-        &text.replacen("\"version\":3", "\"version\":2", 1),
-        "of version 2, and 3 is read; train it again",
+        &text.replacen("\"version\":4", "\"version\":3", 1),
+        "of version 3, and 4 is read; train it again",
     );
     refused(
         &text.replacen("forearm model", "palm model", 1),
@@ -447,7 +448,7 @@ fn a_model_comes_back_from_its_bytes_and_nothing_else_is_one() {
     for (from, to) in [
         ("\"angles\":\"degrees\"", "\"angles\":\"radians\""),
         ("\"squeezes\":78", "\"squeezes\":13"),
-        ("100.0]}", "50.0]}"),
+        ("100.0],", "50.0],"),
     ] {
         assert!(text.contains(from), "{from}");
         refused(&text.replacen(from, to, 1), "its checksum is wrong");

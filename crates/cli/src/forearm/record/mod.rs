@@ -62,6 +62,9 @@ pub(crate) struct Args {
     /// Only this place, from 0
     #[arg(long, value_name = "PLACE")]
     place: Option<usize>,
+    /// The gripper is simulated, as `taxel sim forearm` has it: say so in the files, since nothing else tells
+    #[arg(long)]
+    simulated: bool,
     /// Do not wait for Enter before each place
     #[arg(long)]
     no_wait: bool,
@@ -130,6 +133,7 @@ pub(crate) fn run(args: &Args) -> anyhow::Result<()> {
         fingers: gripper.fingers().to_vec(),
         potentiometers: gripper.potentiometers().to_vec(),
         touch: gripper.has_touch(),
+        simulated: args.simulated,
     })?;
     eprintln!("taxel: {gripper}");
     let recorded = session(args, &plan, &gripper, &interrupt);

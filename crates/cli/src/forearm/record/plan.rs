@@ -35,6 +35,8 @@ pub(super) struct Settings {
     pub(super) potentiometers: Vec<String>,
     /// Whether squeezes have tactile images.
     pub(super) touch: bool,
+    /// Whether the gripper is a simulated one.
+    pub(super) simulated: bool,
 }
 
 /// The file `session.json`.
@@ -46,6 +48,9 @@ struct Kept {
     potentiometers: Vec<String>,
     #[serde(default)]
     touch: bool,
+    /// Left out where it is not known, as [`Session::open`](taxel_forearm::Session::open) reads it.
+    #[serde(default, skip_serializing_if = "std::ops::Not::not")]
+    simulated: bool,
 }
 
 const KEPT: &str = "session.json";
@@ -83,6 +88,7 @@ impl Plan {
             fingers: settings.fingers.clone(),
             potentiometers: settings.potentiometers.clone(),
             touch: settings.touch,
+            simulated: settings.simulated,
         };
         match self.kept()? {
             None => {
@@ -141,13 +147,14 @@ impl Plan {
 
     fn begun_with(&self, before: &Kept) -> anyhow::Error {
         anyhow!(
-            "{}: this session was begun with ramp {}, fingers {:?}, potentiometers {:?} and {} touch; go on with \
-             the same, or record into another folder",
+            "{}: this session was begun with ramp {}, fingers {:?}, potentiometers {:?} and {} touch{}; go on \
+             with the same, or record into another folder",
             self.folder.join(KEPT).display(),
             before.ramp,
             before.fingers,
             before.potentiometers,
-            if before.touch { "with" } else { "no" }
+            if before.touch { "with" } else { "no" },
+            if before.simulated { ", --simulated" } else { "" }
         )
     }
 
@@ -293,6 +300,7 @@ mod tests {
             fingers: vec!["left".into(), "right".into()],
             potentiometers: Vec::new(),
             touch: true,
+            simulated: false,
         };
         plan.keep(&settings).unwrap();
         plan.keep(&settings).unwrap();
@@ -301,7 +309,9 @@ mod tests {
         assert!(error.contains("begun with ramp data"), "{error}");
         (settings.ramp, settings.touch) = (Ramp::Data, false);
         let error = plan.keep(&settings).unwrap_err().to_string();
-        assert!(error.contains("and with touch"), "{error}");
+        assert!(error.contains("and with touch; go on"), "{error}");
+        (settings.touch, settings.simulated) = (true, true);
+        assert!(plan.keep(&settings).is_err());
         assert!(Plan::new(dir.path(), 3, 2, Some(5)).is_err());
     }
 
@@ -317,11 +327,13 @@ mod tests {
             fingers: left.clone(),
             potentiometers: names(["p1", "p2"]),
             touch: true,
+            simulated: true,
         };
         plan.keep(&settings).unwrap();
         for next in plan.squeezes() {
             plan.write(&next, &squeeze()).unwrap();
         }
+        assert!(Session::open(dir.path()).unwrap().simulated);
         plan.check(Ramp::Data, &[], &[]).unwrap();
         plan.check(Ramp::Data, &left, &names(["p1", "p2"])).unwrap();
         let refused = |ramp, fingers: &[String], potentiometers: &[String], words: &str| {
