@@ -67,11 +67,12 @@ impl Tactile {
         let components = pca.components().as_slice().to_vec();
         let mut features = Vec::with_capacity(trials.len() * COMPONENTS * PHASES);
         let mut residuals = Vec::with_capacity(trials.len() * PHASES);
+        let mut totals = Vec::with_capacity(trials.len() * PHASES);
         for (trial, course) in trials.iter().zip(&courses) {
-            let (squeeze, to) = (&trial.squeeze, (&mut features, &mut residuals));
+            let (squeeze, to) = (&trial.squeeze, (&mut features, &mut residuals, &mut totals));
             scores_at_phases(&mean, &components, squeeze, course, to);
         }
-        let likeness = Likeness::of(COMPONENTS, &features, &residuals);
+        let likeness = Likeness::of(COMPONENTS, &features, &residuals, &totals);
         let rows = Rows {
             columns: COMPONENTS,
             features,
@@ -119,13 +120,15 @@ impl Estimator for Tactile {
         }
         let mut features = Vec::with_capacity(COMPONENTS * PHASES);
         let mut residuals = Vec::with_capacity(PHASES);
-        let to = (&mut features, &mut residuals);
+        let mut totals = Vec::with_capacity(PHASES);
+        let to = (&mut features, &mut residuals, &mut totals);
         scores_at_phases(&self.mean, &self.components, squeeze, &course, to);
-        let times = self.likeness.times_as_far(&features, &residuals, course.steps());
+        let steps = course.steps();
+        let times = self.likeness.times_as_far(&features, &residuals, &totals, steps);
         if times > UNLIKE {
             return Err(ForearmError::Touch { times });
         }
-        let (percent, half_width_90) = self.regression.estimate(&features, course.steps());
+        let (percent, half_width_90) = self.regression.estimate(&features, steps);
         Ok(Estimate {
             percent,
             half_width_90,
@@ -153,14 +156,14 @@ fn images(trials: &[&Trial], courses: &[Course]) -> Matrix {
     Matrix::new(TACTELS, count, columns)
 }
 
-/// Adds the components of a squeeze's images at all phases, component after component, and what they leave of the images'
-/// squares.
+/// Adds the components of a squeeze's images at all phases, component after component, what they leave of the images'
+/// squares, and the images' totals.
 fn scores_at_phases(
     mean: &[f64],
     components: &[f64],
     squeeze: &Squeeze,
     course: &Course,
-    (features, residuals): (&mut Vec<f64>, &mut Vec<f64>),
+    (features, residuals, totals): (&mut Vec<f64>, &mut Vec<f64>, &mut Vec<f64>),
 ) {
     let mut centred = vec![0.0; TACTELS];
     let mut scores = Vec::with_capacity(squeeze.len() * COMPONENTS);
@@ -185,4 +188,9 @@ fn scores_at_phases(
         course.at_phases(|row| scores[row * COMPONENTS + component], features);
     }
     course.at_phases(|row| rests[row], residuals);
+    let total = |row| {
+        let image = squeeze.tactile_image(row).unwrap_or_default();
+        image.iter().map(|count| f64::from(*count)).sum()
+    };
+    course.at_phases(total, totals);
 }

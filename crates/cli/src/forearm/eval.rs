@@ -166,7 +166,7 @@ pub(super) fn run(args: &Args) -> anyhow::Result<String> {
         let name = |share: f64| format!("after {:.0} % of its time", 100.0 * share);
         if let Some(touch) = &touch {
             text += &report::table(
-                "an array of another gain",
+                "an array of another gain (without an angle: without touch)",
                 touch.gains.iter().map(|(name, outcome)| (name, outcome)),
             );
         }

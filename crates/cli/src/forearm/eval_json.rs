@@ -108,7 +108,7 @@ impl Figures {
 #[derive(Debug, Serialize)]
 pub(super) struct More {
     disturbed: Vec<Row>,
-    /// Where the array has another gain; only of sessions with touch.
+    /// Both senses together where the array has another gain; only of sessions with touch.
     #[serde(skip_serializing_if = "Option::is_none")]
     gains: Option<Vec<Row>>,
     early: Vec<Row>,

@@ -136,8 +136,13 @@ pub(super) fn judge_all<E: Estimator>(
 }
 
 /// Judges fused estimators, which learn and are judged at the other places.
-pub(super) fn judge_fused<E: Estimator>(session: &Session, splits: &[Split], estimators: &[E]) -> Judgement {
-    judge_parts(session, splits, estimators, None, |split| {
+pub(super) fn judge_fused<E: Estimator>(
+    session: &Session,
+    splits: &[Split],
+    estimators: &[E],
+    change: Change<'_>,
+) -> Judgement {
+    judge_parts(session, splits, estimators, change, |split| {
         (&split.fusion_train, &split.fusion_test)
     })
 }

@@ -11,7 +11,7 @@ const GAINS: [f64; 6] = [0.6, 0.8, 0.9, 1.1, 1.2, 1.5];
 pub(super) struct WithTouch {
     pub(super) tactile: (Judgement, f64),
     pub(super) fused: (Judgement, f64),
-    /// The same where the array has another gain.
+    /// Both senses together where the array has another gain.
     pub(super) gains: Vec<(String, Judgement)>,
 }
 
@@ -25,12 +25,6 @@ impl WithTouch {
     ) -> anyhow::Result<Self> {
         let tactile = train(session, splits, Tactile::train)?;
         let judgement = judge_all(session, splits, &tactile.estimators, None);
-        let mut gains = Vec::new();
-        for gain in GAINS.into_iter().filter(|_| with_gains) {
-            let change = |squeeze: &Squeeze, seed| Disturbance::Gain(gain).apply(squeeze, seed);
-            let judgement = judge_all(session, splits, &tactile.estimators, Some(&change));
-            gains.push((format!("tactile, {}", Disturbance::Gain(gain)), judgement));
-        }
         let began = Instant::now();
         let mut fused = Vec::new();
         for ((kinesthetic, tactile), split) in angles.iter().zip(tactile.estimators).zip(splits) {
@@ -45,9 +39,15 @@ impl WithTouch {
             });
         }
         let took = began.elapsed();
+        let mut gains = Vec::new();
+        for gain in GAINS.into_iter().filter(|_| with_gains) {
+            let change = |squeeze: &Squeeze, seed| Disturbance::Gain(gain).apply(squeeze, seed);
+            let judgement = judge_fused(session, splits, &fused, Some(&change));
+            gains.push((format!("fused, {}", Disturbance::Gain(gain)), judgement));
+        }
         Ok(Self {
             tactile: (judgement, tactile.took.as_secs_f64()),
-            fused: (judge_fused(session, splits, &fused), took.as_secs_f64()),
+            fused: (judge_fused(session, splits, &fused, None), took.as_secs_f64()),
             gains,
         })
     }

@@ -102,6 +102,32 @@ fn touch_alone_and_with_angles_tells_the_place_and_a_lost_sense_is_done_without(
 }
 
 #[test]
+fn touch_of_an_array_of_another_gain_is_done_without() {
+    // A ridge that is as strong in all wherever it is, so that the array's gain tells.
+    let even = |squeeze: &mut Squeeze, percent: f64| {
+        touch(squeeze, percent);
+        let times = 4.0 / (4.0 + percent / 10.0);
+        let counts = squeeze.tactile.iter_mut().flatten();
+        counts.for_each(|count| *count = (f64::from(*count) * times).round() as u16);
+    };
+    let mut session = session_with_touch();
+    for trial in &mut session.trials {
+        even(&mut trial.squeeze, trial.location_percent);
+    }
+    let model = Model::train(&session).unwrap();
+    let mut felt = squeeze(37.0, 0.0);
+    let angles = model.estimate(&felt).unwrap();
+    even(&mut felt, 37.0);
+    assert_eq!(model.estimate(&felt).unwrap().source, Source::Fused);
+    for gain in [0.6, 0.8, 0.9, 1.1, 1.2, 1.5] {
+        let other = Disturbance::Gain(gain).apply(&felt, 1);
+        let estimate = model.estimate(&other).unwrap();
+        assert_eq!(estimate.percent, angles.percent, "gain {gain}: {estimate:?}");
+        assert_eq!(estimate.left_out.names().collect::<Vec<_>>(), ["touch"], "{gain}");
+    }
+}
+
+#[test]
 fn touch_that_is_unlike_that_of_the_training_is_done_without_and_said() {
     let model = Model::train(&session_with_touch()).unwrap();
     let mut felt = squeeze(37.0, 0.0);
