@@ -35,12 +35,12 @@ use taxel_playback::output_file::{OutputFile, refuse_overlap};
 #[derive(Debug, clap::Args)]
 #[command(after_help = "\
 Examples:
+  taxel forearm simulate --out session.npz         where there is none yet: of a simulated forearm, with touch
   taxel forearm train session.npz --out arm.model
-  taxel forearm estimate arm.model squeeze.mat
+  taxel forearm estimate arm.model session.npz     or .mat files of single squeezes
   taxel forearm estimate --live arm.model --publish /tmp/forearm.sock
   taxel forearm eval session.npz
-  taxel forearm figures session.npz --out figures
-  taxel forearm simulate --out synthetic.npz    a session of a simulated forearm, with touch")]
+  taxel forearm figures session.npz --out figures")]
 pub(crate) struct Args {
     #[command(subcommand)]
     command: Command,
