@@ -35,7 +35,7 @@ use taxel_playback::output_file::{OutputFile, refuse_overlap};
 #[derive(Debug, clap::Args)]
 #[command(after_help = "\
 Examples:
-  taxel forearm simulate --out session.npz         where there is none yet: of a simulated forearm, with touch
+  taxel forearm simulate --out session.npz         where there is none: a simulated forearm
   taxel forearm train session.npz --out arm.model
   taxel forearm estimate arm.model session.npz     or .mat files of single squeezes
   taxel forearm estimate --live arm.model --publish /tmp/forearm.sock
