@@ -1,6 +1,5 @@
 //! Axes: what they say, what they span, where their ticks are.
 
-use plotters::coord::combinators::{IntoLogRange, LogCoord};
 use plotters::coord::ranged1d::{BoldPoints, Ranged};
 use plotters::coord::types::RangedCoordf64;
 use std::ops::Range;
@@ -13,6 +12,7 @@ pub struct Axis {
     log: bool,
     range: Option<(f64, f64)>,
     from_zero: bool,
+    at: Vec<f64>,
 }
 
 impl Axis {
@@ -49,6 +49,24 @@ impl Axis {
     pub fn from_zero(mut self) -> Self {
         self.from_zero = true;
         self
+    }
+
+    /// Ticks at these values alone, such as the sizes that were measured, in place of round ones.
+    pub fn ticks(mut self, at: impl IntoIterator<Item = f64>) -> Self {
+        self.at = at.into_iter().collect();
+        self
+    }
+
+    /// Where ticks are on this scale, about `count` of them, and what they say.
+    pub(crate) fn marked(&self, scale: &Scale, count: usize) -> Vec<(f64, String)> {
+        let within = |value: &f64| (scale.low..=scale.high).contains(value);
+        let ticks = if self.at.is_empty() {
+            scale.ticks(count)
+        } else {
+            self.at.iter().copied().filter(within).collect()
+        };
+        let texts = tick_texts(&ticks);
+        ticks.into_iter().zip(texts).collect()
     }
 
     /// The scale for these values.
@@ -113,48 +131,87 @@ impl Scale {
         share.is_finite().then(|| share.clamp(0.0, 1.0))
     }
 
-    /// Round values, about `count` of them.
-    pub(crate) fn ticks(&self, count: usize) -> Vec<f64> {
+    /// Round values, about `count` of them; three or more where that does not crowd them.
+    fn ticks(&self, count: usize) -> Vec<f64> {
         let range: Range<f64> = self.low..self.high;
-        let hint = BoldPoints(count.max(2));
-        let ticks = if self.log {
-            let decades = (self.high / self.low).log10();
-            let coord: LogCoord<f64> = range.clone().log_scale().into();
-            let all: Vec<f64> = coord.key_points(hint);
-            // Plotters marks whole decades; two of them make no axis.
-            if decades < 1.5 { one_two_five(&range) } else { all }
-        } else {
-            RangedCoordf64::from(range.clone()).key_points(hint)
+        let count = count.max(2);
+        let on_axis = |ticks: Vec<f64>| {
+            let within =
+                |value: &f64| (range.start..=range.end).contains(value) && (!self.log || *value > 0.0);
+            ticks.into_iter().filter(within).collect::<Vec<f64>>()
         };
-        ticks
-            .into_iter()
-            .filter(|v| (range.start..=range.end).contains(v))
+        let linear =
+            |count: usize| on_axis(RangedCoordf64::from(range.clone()).key_points(BoldPoints(count)));
+        let decades = self.log.then(|| on_axis(self.log_ticks(count)));
+        // A part of a decade has round values of its own.
+        let tries = decades.into_iter().chain((count..count + 3).map(linear));
+        let mut best = Vec::new();
+        for ticks in tries {
+            if best.len() < 3 && ticks.len() > best.len() {
+                best = ticks;
+            }
+        }
+        best
+    }
+
+    /// 1, 2 and 5 of each decade up to two decades, then every decade, or as many as there is room for.
+    fn log_ticks(&self, count: usize) -> Vec<f64> {
+        let decades = (self.high / self.low).log10();
+        let (steps, apart) = match decades {
+            ..2.0 => (&[1.0, 2.0, 5.0][..], 1),
+            _ => (&[1.0][..], (decades / count as f64).ceil() as i32),
+        };
+        let powers = self.low.log10().floor() as i32..=self.high.log10().ceil() as i32;
+        let powers = powers.filter(|power| power.rem_euclid(apart) == 0);
+        powers
+            .flat_map(|power| steps.iter().map(move |step| step * 10f64.powi(power)))
             .collect()
     }
 }
 
-fn one_two_five(range: &Range<f64>) -> Vec<f64> {
-    let first = range.start.log10().floor() as i32;
-    let last = range.end.log10().ceil() as i32;
-    let decades = (first..=last).map(|power| 10f64.powi(power));
-    decades.flat_map(|d| [d, 2.0 * d, 5.0 * d]).collect()
+/// A value as short as it can be said where it stands alone.
+pub(crate) fn tick_text(value: f64) -> String {
+    text(value, 0)
 }
 
-/// A value as short as it can be said beside a tick.
-pub(crate) fn tick_text(value: f64) -> String {
-    let size = value.abs();
-    if value != 0.0 && !(1e-3..1e5).contains(&size) {
-        return format!("{value:.1e}").replace(".0e", "e");
-    }
-    let text = format!("{value:.4}");
-    let text = text.trim_end_matches('0').trim_end_matches('.');
+/// What stands beside ticks: in so many digits that each says where it is.
+fn tick_texts(ticks: &[f64]) -> Vec<String> {
+    let step = ticks.windows(2).map(|pair| (pair[1] - pair[0]).abs());
+    let step = step.fold(f64::INFINITY, f64::min);
     // What is left of a rounding error around zero.
-    if text == "-0" || text.is_empty() {
-        "0"
-    } else {
-        text
+    let clean = |value: f64| if value.abs() < 1e-6 * step { 0.0 } else { value };
+    let ticks: Vec<f64> = match ticks {
+        [_] => ticks.to_vec(),
+        _ => ticks.iter().copied().map(clean).collect(),
+    };
+    let told = |digits: usize| -> Vec<String> { ticks.iter().map(|tick| text(*tick, digits)).collect() };
+    let is_exact = |texts: &Vec<String>| {
+        texts.iter().zip(&ticks).all(|(text, tick)| {
+            let off = text
+                .parse::<f64>()
+                .map_or(f64::INFINITY, |told| (told - tick).abs());
+            off <= 0.01 * step
+        })
+    };
+    (0..14).map(told).find(is_exact).unwrap_or_else(|| told(0))
+}
+
+/// A value with as many digits more than usual.
+fn text(value: f64, digits: usize) -> String {
+    let shortest = |text: &str| match text.contains('.') {
+        true => text.trim_end_matches('0').trim_end_matches('.').to_owned(),
+        false => text.to_owned(),
+    };
+    let size = value.abs();
+    if value != 0.0 && !(1e-3..1e6).contains(&size) {
+        let text = format!("{value:.0$e}", 1 + digits);
+        let (mantissa, power) = text.split_once('e').unwrap_or((&text, "0"));
+        return format!("{}e{power}", shortest(mantissa));
     }
-    .to_owned()
+    match shortest(&format!("{value:.0$}", 4 + digits)) {
+        zero if zero == "-0" => "0".into(),
+        text => text,
+    }
 }
 
 #[cfg(test)]
@@ -199,5 +256,60 @@ mod tests {
                 assert!((1..=16).contains(&ticks.len()), "{axis:?} {values:?}: {ticks:?}");
             }
         }
+    }
+
+    #[test]
+    fn a_log_axis_has_round_ticks_however_much_it_spans() {
+        for (low, high, wanted) in [
+            (38.0, 640.0, &[50.0, 100.0, 200.0, 500.0][..]),
+            (90.0, 4_000.0, &[100.0, 200.0, 500.0, 1_000.0, 2_000.0]),
+            (250.0, 480.0, &[300.0, 400.0]),
+            (8.0, 17_000.0, &[10.0, 100.0, 1_000.0, 10_000.0]),
+            (0.5, 2e8, &[1.0, 100.0, 10_000.0, 1e6, 1e8]),
+        ] {
+            let ticks = Axis::new("")
+                .log()
+                .range(low, high)
+                .scale([].into_iter())
+                .ticks(5);
+            assert!(
+                wanted
+                    .iter()
+                    .all(|tick| ticks.iter().any(|t| (t - tick).abs() < 1e-9 * tick)),
+                "{ticks:?}"
+            );
+            assert!((3..=8).contains(&ticks.len()), "{low} to {high}: {ticks:?}");
+        }
+    }
+
+    #[test]
+    fn a_low_chart_has_three_ticks_or_more() {
+        for high in [4_700.0, 87_000.0, 1.04, 255.0, 99.0, 0.031] {
+            let ticks = Axis::new("").range(0.0, high).scale([].into_iter()).ticks(3);
+            assert!((3..=6).contains(&ticks.len()), "{high}: {ticks:?}");
+        }
+    }
+
+    #[test]
+    fn every_tick_says_where_it_is_in_few_digits() {
+        for (ticks, wanted) in [
+            (&[1e6, 1.02e6, 1.04e6][..], &["1e6", "1.02e6", "1.04e6"][..]),
+            (&[1e6, 1.25e6, 1.5e6], &["1e6", "1.25e6", "1.5e6"]),
+            (&[0.0, 50_000.0, 100_000.0], &["0", "50000", "100000"]),
+            (&[1.00001, 1.00002], &["1.00001", "1.00002"]),
+            (&[-0.1, -1e-17, 0.1], &["-0.1", "0", "0.1"]),
+            (&[0.1, 0.2, 0.30000000000000004], &["0.1", "0.2", "0.3"]),
+            (&[1e-4], &["1e-4"]),
+        ] {
+            assert_eq!(tick_texts(ticks), wanted);
+        }
+    }
+
+    #[test]
+    fn ticks_of_ones_own_stand_where_they_are_said_to() {
+        let axis = Axis::new("").log().ticks([2.0, 4.0, 8.0, 999.0]);
+        let marked = axis.marked(&axis.scale([2.0, 8.0].into_iter()), 5);
+        let texts: Vec<&str> = marked.iter().map(|(_, text)| text.as_str()).collect();
+        assert_eq!(texts, ["2", "4", "8"]);
     }
 }

@@ -1,10 +1,10 @@
 //! How a chart is drawn.
 
-use crate::axis::{Scale, tick_text};
+use crate::axis::Scale;
 use crate::chart::{Chart, Marks};
 use crate::colour;
 use crate::error::PlotError;
-use crate::pen::{Pen, Place, Side, text_width};
+use crate::pen::{Pen, Place, Side, fit, text_width};
 use crate::spread::{Quartiles, ellipse};
 
 const TEXT: f64 = 11.0;
@@ -58,10 +58,10 @@ pub(crate) fn draw(
     let y = chart
         .y
         .scale(chart.layers.iter().flat_map(|layer| layer.marks.ys()));
-    let y_ticks = y.ticks(((y1 - top) / 45.0) as usize);
+    let y_ticks = chart.y.marked(&y, ((y1 - top) / 45.0) as usize);
     let widest = y_ticks
         .iter()
-        .map(|v| text_width(&tick_text(*v), TEXT))
+        .map(|(_, text)| text_width(text, TEXT))
         .fold(0.0, f64::max);
     let left = x0 + widest + 10.0 + if chart.y.label.is_empty() { 0.0 } else { 18.0 };
     let right = x1 - 14.0;
@@ -80,7 +80,7 @@ pub(crate) fn draw(
         from: (left, top),
         to: (right, bottom.max(top + 20.0)),
     };
-    draw_axes(chart, pen, &plane, &y_ticks, upright, (x0, y1))?;
+    draw_axes(chart, pen, &plane, &y_ticks, upright, ((x0, y0), (x1, y1)))?;
     draw_layers(chart, pen, &plane, names)
 }
 
@@ -102,7 +102,8 @@ fn draw_legend(
     }
     let mut x = x0 + 8.0;
     for name in shown {
-        let width = 24.0 + text_width(name, TEXT);
+        let (words, size) = fit(name, x1 - x0 - 32.0, TEXT);
+        let width = 24.0 + text_width(&words, size);
         if x + width > x1 && x > x0 + 8.0 {
             (x, y) = (x0 + 8.0, y + 16.0);
         }
@@ -114,7 +115,7 @@ fn draw_legend(
         } else {
             pen.rect((x, y + 4.0), (x + 12.0, y + 10.0), colour::of_series(number))?;
         }
-        pen.text(name, (x + 17.0, y + 7.0), Side::Right, TEXT, colour::INK)?;
+        pen.text(&words, (x + 17.0, y + 7.0), Side::Right, size, colour::INK)?;
         x += width + 10.0;
     }
     Ok(y + 16.0)
@@ -124,28 +125,27 @@ fn draw_axes(
     chart: &Chart,
     pen: &Pen<'_>,
     plane: &Plane,
-    y_ticks: &[f64],
+    y_ticks: &[(f64, String)],
     upright: bool,
-    (x0, y1): Place,
+    ((x0, y0), (x1, y1)): (Place, Place),
 ) -> Result<(), PlotError> {
     let ((left, top), (right, bottom)) = (plane.from, plane.to);
-    for value in y_ticks {
+    for (value, text) in y_ticks {
         if let Some(y) = plane.up(*value) {
             pen.line(&[(left, y), (right, y)], colour::GRID, 0.75)?;
-            pen.text(&tick_text(*value), (left - 6.0, y), Side::Left, TEXT, colour::INK)?;
+            pen.text(text, (left - 6.0, y), Side::Left, TEXT, colour::INK)?;
         }
     }
     if chart.x.names.is_empty() {
-        for value in plane.x.ticks(((right - left) / 70.0) as usize) {
+        let mut free = f64::NEG_INFINITY;
+        for (value, text) in chart.x.marked(&plane.x, ((right - left) / 70.0) as usize) {
             if let Some(x) = plane.across(value) {
                 pen.line(&[(x, top), (x, bottom)], colour::GRID, 0.75)?;
-                pen.text(
-                    &tick_text(value),
-                    (x, bottom + 10.0),
-                    Side::Middle,
-                    TEXT,
-                    colour::INK,
-                )?;
+                let half = text_width(&text, TEXT) / 2.0;
+                if x - half > free {
+                    pen.text(&text, (x, bottom + 10.0), Side::Middle, TEXT, colour::INK)?;
+                    free = x + half + 4.0;
+                }
             }
         }
     }
@@ -161,14 +161,11 @@ fn draw_axes(
     }
     pen.line(&[(left, top), (left, bottom), (right, bottom)], colour::PALE, 1.0)?;
     let middle = ((left + right) / 2.0, (top + bottom) / 2.0);
-    pen.text(
-        &chart.x.label,
-        (middle.0, y1 - 7.0),
-        Side::Middle,
-        TEXT,
-        colour::PALE,
-    )?;
-    pen.text_upwards(&chart.y.label, (x0 + 8.0, middle.1), Side::Middle, colour::PALE)
+    // Around the middle of its axis, within the panel.
+    let room = 2.0 * (x1 - middle.0);
+    pen.fitted(&chart.x.label, (middle.0, y1 - 7.0), room, TEXT, colour::PALE)?;
+    let room = 2.0 * (middle.1 - y0).min(y1 - middle.1);
+    pen.fitted_upwards(&chart.y.label, (x0 + 8.0, middle.1), room, colour::PALE)
 }
 
 fn draw_layers(chart: &Chart, pen: &Pen<'_>, plane: &Plane, names: &[&str]) -> Result<(), PlotError> {
@@ -253,14 +250,20 @@ fn draw_layers(chart: &Chart, pen: &Pen<'_>, plane: &Plane, names: &[&str]) -> R
             Marks::AtX(x) => {
                 if let Some(x) = plane.across(*x) {
                     pen.line(&[(x, plane.from.1), (x, plane.to.1)], colour::PALE, 1.0)?;
-                    let place = (x + 4.0, plane.from.1 + 7.0);
-                    pen.text(&layer.name, place, Side::Right, 10.0, colour::PALE)?;
+                    let right = plane.to.0 - x - 4.0;
+                    let (aside, side) = match text_width(&layer.name, 10.0) <= right {
+                        true => (4.0, Side::Right),
+                        false => (-4.0, Side::Left),
+                    };
+                    let place = (x + aside, plane.from.1 + 7.0);
+                    pen.text(&layer.name, place, side, 10.0, colour::PALE)?;
                 }
             }
             Marks::AtY(y) => {
                 if let Some(y) = plane.up(*y) {
                     pen.line(&[(plane.from.0, y), (plane.to.0, y)], colour::PALE, 1.0)?;
-                    let place = (plane.to.0 - 4.0, y - 7.0);
+                    let above = if y - 14.0 < plane.from.1 { -7.0 } else { 7.0 };
+                    let place = (plane.to.0 - 4.0, y - above);
                     pen.text(&layer.name, place, Side::Left, 10.0, colour::PALE)?;
                 }
             }

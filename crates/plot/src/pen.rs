@@ -71,22 +71,24 @@ pub(crate) fn draw(
     Ok(format!("{}{}{}", &svg[..end], colour::style_sheet(), &svg[end..]))
 }
 
-/// About how wide a text is, pixels.
+/// About how wide a text is, pixels. From the first letters of Korean on, letters are mostly as wide as they are high.
 pub(crate) fn text_width(text: &str, size: f64) -> f64 {
-    0.56 * size * text.chars().count() as f64
+    let width = |letter: char| if letter < '\u{1100}' { 0.56 } else { 1.0 };
+    size * text.chars().map(width).sum::<f64>()
 }
 
 /// The size at which a text is no wider than `width`, as far as it stays legible; and the text, shorter where even
 /// that is too wide. Pixels.
-fn fit(text: &str, width: f64, size: f64) -> (String, f64) {
+pub(crate) fn fit(text: &str, width: f64, size: f64) -> (String, f64) {
     const LEAST: f64 = 8.0;
     let size = (size * width / text_width(text, size).max(width)).max(LEAST.min(size));
-    if size > LEAST || text_width(text, size) <= width {
+    if text_width(text, size) <= width + 1e-9 {
         return (text.to_owned(), size);
     }
-    let room = (width / text_width("x", size)) as usize;
-    let shorter = text.chars().take(room.saturating_sub(1)).chain(['…']);
-    (shorter.collect(), size)
+    let mut shorter = text.to_owned();
+    while shorter.pop().is_some() && text_width(&shorter, size) + text_width("x", size) > width {}
+    shorter.push('…');
+    (shorter, size)
 }
 
 impl<'a> Pen<'a> {
@@ -180,6 +182,18 @@ impl<'a> Pen<'a> {
         colour: Rgb,
     ) -> Result<(), PlotError> {
         self.write(text, place, side, 11.0, colour, FontTransform::Rotate270)
+    }
+
+    /// A text that reads upwards, around its middle, smaller where it would be longer than `length`.
+    pub(crate) fn fitted_upwards(
+        &self,
+        text: &str,
+        place: Place,
+        length: f64,
+        colour: Rgb,
+    ) -> Result<(), PlotError> {
+        let (text, size) = fit(text, length, 11.0);
+        self.write(&text, place, Side::Middle, size, colour, FontTransform::Rotate270)
     }
 
     fn write(

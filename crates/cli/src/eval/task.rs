@@ -348,7 +348,8 @@ fn points(report: &Report) -> String {
 /// The share recognised against the number of actuators, and against the bits that these take.
 fn drawing(report: &Report) -> anyhow::Result<String> {
     let share = || Axis::new("recognised, %").range(0.0, 100.0);
-    let mut by_actuators = Chart::new("", Axis::new("actuators").log(), share());
+    let sizes = SIZES.map(f64::from);
+    let mut by_actuators = Chart::new("", Axis::new("actuators").log().ticks(sizes), share());
     let mut by_bits = Chart::new("", Axis::new("bits a frame").log(), share());
     let points = &report.curves[..report.by_actuators];
     for name in names(points) {
