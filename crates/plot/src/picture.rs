@@ -4,7 +4,13 @@ use crate::colour::{self, Rgb};
 use crate::error::PlotError;
 use crate::pen::{Pen, Place, Side, text_width};
 
-/// A picture of square cells, row by row from the top left.
+/// A cell is no smaller where there is room on the sheet, pixels.
+const LEAST_CELL: f64 = 3.0;
+/// Cells of a strip are stretched until it is so thick, pixels.
+const LEAST_STRIP: f64 = 20.0;
+
+/// A picture of square cells, row by row from the top left; those of a strip of few rows or columns are stretched across
+/// it. A cell without a colour is hatched.
 #[derive(Debug, Clone)]
 pub struct Picture {
     pub(crate) title: String,
@@ -25,6 +31,26 @@ pub(crate) enum Cell {
     Grey(u8),
     Rgb(Rgb),
     Number(f64),
+}
+
+/// Where the parts of a picture are in its panel, pixels.
+struct Parts {
+    /// Left of the cells, for the names of rows.
+    left: f64,
+    /// Above the cells, for the title.
+    top: f64,
+    /// Width and height of a cell.
+    cell: (f64, f64),
+    /// Of all cells.
+    size: (f64, f64),
+    /// Whether the names of columns read upwards.
+    upright: bool,
+    /// How much of the panel's width the cells may take.
+    width: f64,
+    /// From the top of the cells to the middle of the caption.
+    caption: f64,
+    /// Of the whole.
+    height: f64,
 }
 
 impl Picture {
@@ -142,39 +168,81 @@ impl Picture {
         Some(colour::of_picture(colour))
     }
 
+    fn rows(&self) -> usize {
+        self.cells.len() / self.width
+    }
+
+    /// What is beside the cells, left and right.
+    fn beside(&self) -> (f64, f64) {
+        let left = match names_width(&self.row_names) {
+            _ if self.row_names.is_empty() => 4.0,
+            width => width + 12.0,
+        };
+        (left, if self.span.is_some() { 62.0 } else { 4.0 })
+    }
+
+    /// What is above the cells, and beneath them where names of columns do not read upwards.
+    fn above_and_beneath(&self) -> (f64, f64) {
+        let top = if self.title.is_empty() { 4.0 } else { 22.0 };
+        let caption = if self.caption.is_empty() { 4.0 } else { 20.0 };
+        let names = if self.column_names.is_empty() { 0.0 } else { 16.0 };
+        (top, caption + names)
+    }
+
+    /// The panel that has room for it: this one, or a larger one where cells would be hard to see, but no wider or higher
+    /// than `most`.
+    pub(crate) fn panel(&self, (width, height): (f64, f64), most: f64) -> (f64, f64) {
+        let ((left, right), (top, beneath)) = (self.beside(), self.above_and_beneath());
+        let enlarged = |side: f64, least: f64| side.max(least.min(most));
+        (
+            enlarged(width, left + right + LEAST_CELL * self.width as f64),
+            enlarged(height, top + beneath + LEAST_CELL * self.rows() as f64),
+        )
+    }
+
+    /// How much of a panel's height it takes.
+    pub(crate) fn height(&self, panel: (f64, f64)) -> f64 {
+        self.parts(panel).height
+    }
+
+    fn parts(&self, (panel_width, panel_height): (f64, f64)) -> Parts {
+        let ((left, right), (top, flat)) = (self.beside(), self.above_and_beneath());
+        let (columns, rows) = (self.width as f64, self.rows() as f64);
+        let (width, height) = (panel_width - left - right, panel_height - top);
+        let names = names_width(&self.column_names);
+        let cell_for = |beneath: f64| (width / columns).min((height - beneath) / rows).max(0.25);
+        let upright = !self.column_names.is_empty() && names >= cell_for(flat) - 2.0;
+        let beneath = if upright { flat - 16.0 + names + 8.0 } else { flat };
+        // Whole quarters of a pixel, so that cells meet without seams.
+        let whole = |cell: f64| (cell * 4.0).floor().max(1.0) / 4.0;
+        let cell = whole(cell_for(beneath));
+        let cell = [columns, rows].map(|cells| cell.max((4.0 * LEAST_STRIP / cells).ceil() / 4.0));
+        let size = (cell[0] * columns, cell[1] * rows);
+        // The bar of colours has a height of its own.
+        let body = if self.span.is_some() {
+            size.1.max(LEAST_SPAN)
+        } else {
+            size.1
+        };
+        let caption = if self.caption.is_empty() { 4.0 } else { 20.0 };
+        Parts {
+            left,
+            top,
+            cell: (cell[0], cell[1]),
+            size,
+            upright,
+            width,
+            caption: body + beneath - caption + 10.0,
+            height: top + body + beneath,
+        }
+    }
+
     /// Draws into the panel between two corners.
     pub(crate) fn draw(&self, pen: &Pen<'_>, (x0, y0): Place, (x1, y1): Place) -> Result<(), PlotError> {
-        let rows = self.cells.len() / self.width;
-        let names_width = |names: &[String]| names.iter().map(|n| text_width(n, 11.0)).fold(0.0, f64::max);
-        let left = if self.row_names.is_empty() {
-            4.0
-        } else {
-            names_width(&self.row_names) + 12.0
-        };
-        let right = if self.span.is_some() { 62.0 } else { 4.0 };
-        let top = if self.title.is_empty() { 4.0 } else { 22.0 };
-        let names_fit = |cell: f64| names_width(&self.column_names) < cell - 2.0;
-        let (width, height) = (x1 - x0 - left - right, y1 - y0 - top);
-        let caption = if self.caption.is_empty() { 4.0 } else { 20.0 };
-        let cell_for = |bottom: f64| {
-            (width / self.width as f64)
-                .min((height - bottom) / rows as f64)
-                .max(0.25)
-        };
-        let flat = if self.column_names.is_empty() {
-            caption
-        } else {
-            caption + 16.0
-        };
-        let (cell, upright) = if self.column_names.is_empty() || names_fit(cell_for(flat)) {
-            (cell_for(flat), false)
-        } else {
-            (cell_for(caption + names_width(&self.column_names) + 8.0), true)
-        };
-        // Whole quarters of a pixel, so that cells meet without seams.
-        let cell = (cell * 4.0).floor().max(1.0) / 4.0;
-        let (w, h) = (cell * self.width as f64, cell * rows as f64);
-        let (ox, oy) = (x0 + left + ((width - w) / 2.0).max(0.0), y0 + top);
+        let parts = self.parts((x1 - x0, y1 - y0));
+        let (cell, (w, h), upright) = (parts.cell, parts.size, parts.upright);
+        let ox = x0 + parts.left + ((parts.width - w) / 2.0).max(0.0);
+        let oy = y0 + parts.top;
         // A text around a place stays within the panel on both sides.
         let room = |middle: f64| 2.0 * (middle - x0).min(x1 - middle);
         if !self.title.is_empty() {
@@ -183,12 +251,12 @@ impl Picture {
         }
         self.draw_cells(pen, (ox, oy), cell)?;
         pen.frame((ox, oy), (ox + w, oy + h), colour::PALE)?;
-        for (row, name) in self.row_names.iter().take(rows).enumerate() {
-            let y = oy + (row as f64 + 0.5) * cell;
+        for (row, name) in self.row_names.iter().take(self.rows()).enumerate() {
+            let y = oy + (row as f64 + 0.5) * cell.1;
             pen.text(name, (ox - 6.0, y), Side::Left, 11.0, colour::INK)?;
         }
         for (column, name) in self.column_names.iter().take(self.width).enumerate() {
-            let x = ox + (column as f64 + 0.5) * cell;
+            let x = ox + (column as f64 + 0.5) * cell.0;
             if upright {
                 pen.text_upwards(name, (x, oy + h + 6.0), Side::Left, colour::INK)?;
             } else {
@@ -196,24 +264,19 @@ impl Picture {
             }
         }
         if let Some(span) = self.span {
-            draw_span(pen, (ox + w + 10.0, oy), h.max(40.0), span)?;
+            draw_span(pen, (ox + w + 10.0, oy), h.max(LEAST_SPAN), span)?;
         }
         if !self.caption.is_empty() {
-            let below = if upright {
-                names_width(&self.column_names) + 8.0
-            } else {
-                flat - caption
-            };
-            let place = (ox + w / 2.0, oy + h + below + 10.0);
+            let place = (ox + w / 2.0, oy + parts.caption);
             pen.fitted(&self.caption, place, room(place.0), 11.0, colour::PALE)?;
         }
         Ok(())
     }
 
     /// Neighbours of one colour in a row are one rectangle; the most frequent colour lies beneath all.
-    fn draw_cells(&self, pen: &Pen<'_>, (ox, oy): Place, cell: f64) -> Result<(), PlotError> {
-        let place = |column: usize, row: usize| (ox + column as f64 * cell, oy + row as f64 * cell);
-        let rows = self.cells.len() / self.width;
+    fn draw_cells(&self, pen: &Pen<'_>, (ox, oy): Place, cell: (f64, f64)) -> Result<(), PlotError> {
+        let place = |column: usize, row: usize| (ox + column as f64 * cell.0, oy + row as f64 * cell.1);
+        let rows = self.rows();
         let black = Some([0; 3]);
         let is_dark = self.cells.iter().all(|cell| matches!(cell, Cell::Grey(_)));
         if is_dark {
@@ -230,9 +293,36 @@ impl Picture {
                 column = end;
             }
         }
+        self.hatch(pen, place)
+    }
+
+    /// A line through each cell that has no colour, from the bottom left; one line where it goes on in the next.
+    fn hatch(&self, pen: &Pen<'_>, place: impl Fn(usize, usize) -> Place) -> Result<(), PlotError> {
+        let is_empty = |column: usize, row: usize| {
+            column < self.width && matches!(self.cells.get(row * self.width + column), Some(Cell::None))
+        };
+        for n in 0..self.cells.len() {
+            let (column, row) = (n % self.width, n / self.width);
+            if !is_empty(column, row) || (column > 0 && is_empty(column - 1, row + 1)) {
+                continue;
+            }
+            let more = (1..=row).take_while(|n| is_empty(column + n, row - n)).count();
+            let (from, to) = (place(column, row + 1), place(column + more + 1, row - more));
+            pen.line(&[from, to], colour::PALE, 1.0)?;
+        }
         Ok(())
     }
 }
+
+fn names_width(names: &[String]) -> f64 {
+    names
+        .iter()
+        .map(|name| text_width(name, 11.0))
+        .fold(0.0, f64::max)
+}
+
+/// The bar of colours is no lower, pixels: the numbers of its ends stand apart.
+const LEAST_SPAN: f64 = 40.0;
 
 /// The bar of colours and what its ends mean.
 fn draw_span(pen: &Pen<'_>, (x, y): Place, height: f64, (low, high): (f64, f64)) -> Result<(), PlotError> {

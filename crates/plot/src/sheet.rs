@@ -20,6 +20,8 @@ pub struct Sheet {
 
 /// Around and between panels, pixels.
 const GAP: f64 = 12.0;
+/// Panels that have to be larger than was asked for make a sheet no wider, pixels.
+const WIDEST: f64 = 1300.0;
 
 impl Sheet {
     /// A sheet without panels, one in a row, 640 by 360 pixels each.
@@ -38,7 +40,8 @@ impl Sheet {
         self
     }
 
-    /// The size of each panel, pixels.
+    /// The size of each panel, pixels. All become larger where the cells of a picture would be hard to see, then with
+    /// fewer in a row; a row of pictures is no higher than they are.
     pub fn panel_size(mut self, width: u32, height: u32) -> Self {
         self.panel = (f64::from(width.max(120)), f64::from(height.max(80)));
         self
@@ -62,31 +65,62 @@ impl Sheet {
             let title = self.title.clone();
             return Err(PlotError::Empty { title });
         }
-        let columns = self.columns.min(self.panels.len());
-        let rows = self.panels.len().div_ceil(columns);
+        for panel in &self.panels {
+            if let Panel::Picture(picture) = panel {
+                picture.check()?;
+            }
+        }
+        let panel = self.panels.iter().fold(self.panel, |room, panel| match panel {
+            Panel::Picture(picture) => picture.panel(room, WIDEST - 2.0 * GAP),
+            Panel::Chart(_) => room,
+        });
+        let columns = self.columns_of(panel.0);
+        let rows: Vec<_> = self.panels.chunks(columns).collect();
+        let height_of = |row: &&[Panel]| {
+            let heights = row.iter().map(|of| match of {
+                Panel::Picture(picture) => picture.height(panel),
+                Panel::Chart(_) => panel.1,
+            });
+            heights.fold(0.0, f64::max)
+        };
+        let heights: Vec<f64> = rows.iter().map(height_of).collect();
         let top = if self.title.is_empty() { 0.0 } else { 26.0 };
-        let width = GAP + columns as f64 * (self.panel.0 + GAP);
-        let height = top + GAP + rows as f64 * (self.panel.1 + GAP);
+        let width = GAP + columns as f64 * (panel.0 + GAP);
+        let height = top + GAP + heights.iter().map(|height| height + GAP).sum::<f64>();
         let names = self.names();
         pen::draw(width, height, |pen| {
             if !self.title.is_empty() {
                 let place = (width / 2.0, GAP + 8.0);
                 pen.fitted(&self.title, place, width - 2.0 * GAP, 15.0, colour::INK)?;
             }
-            for (n, panel) in self.panels.iter().enumerate() {
-                let x = GAP + (n % columns) as f64 * (self.panel.0 + GAP);
-                let y = top + GAP + (n / columns) as f64 * (self.panel.1 + GAP);
-                let to = (x + self.panel.0, y + self.panel.1);
-                match panel {
-                    Panel::Chart(chart) => chart_drawing::draw(chart, pen, (x, y), to, &names)?,
-                    Panel::Picture(picture) => {
-                        picture.check()?;
-                        picture.draw(pen, (x, y), to)?;
+            let mut y = top + GAP;
+            for (row, height) in rows.iter().zip(&heights) {
+                for (n, of) in row.iter().enumerate() {
+                    let x = GAP + n as f64 * (panel.0 + GAP);
+                    let to = (x + panel.0, y + panel.1);
+                    match of {
+                        Panel::Chart(chart) => chart_drawing::draw(chart, pen, (x, y), to, &names)?,
+                        Panel::Picture(picture) => picture.draw(pen, (x, y), to)?,
                     }
                 }
+                y += height + GAP;
             }
             Ok(())
         })
+    }
+
+    /// How many panels are in a row: as many as were asked for, or a part of them that divides them evenly where the
+    /// sheet would be too wide.
+    fn columns_of(&self, width: f64) -> usize {
+        let asked = self.columns.min(self.panels.len());
+        let fits = |columns: &usize| GAP + *columns as f64 * (width + GAP) <= WIDEST.max(self.width());
+        let parts = (1..=asked).rev().filter(|columns| asked % columns == 0);
+        parts.into_iter().find(fits).unwrap_or(1)
+    }
+
+    /// With panels as large as was asked for.
+    fn width(&self) -> f64 {
+        GAP + self.columns as f64 * (self.panel.0 + GAP)
     }
 
     /// Every number of the figure as it was given, as CSV: `panel,kind,series,x,y,low,high,value`. A place on an axis of

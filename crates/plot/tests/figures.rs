@@ -1,5 +1,6 @@
 //! What a figure promises to those who look at it and to those who read its numbers.
 
+use std::collections::BTreeSet;
 use taxel_plot::{Axis, Chart, Picture, PlotError, Sheet};
 
 fn chart() -> Chart {
@@ -207,4 +208,140 @@ fn a_tactile_image_costs_what_is_lit() {
         3,
         "paper, black, one actuator: {svg}"
     );
+}
+
+/// Top, width and height of each frame around the cells of a picture, pixels.
+fn frames(svg: &str) -> Vec<(f64, f64, f64)> {
+    let lines = svg.lines().filter(|line| line.starts_with("<polyline"));
+    let corners = lines.filter_map(|line| {
+        let places = line.split("points=\"").nth(1)?.split('"').next()?;
+        let places: Vec<(f64, f64)> = places
+            .split_whitespace()
+            .filter_map(|place| place.split_once(','))
+            .filter_map(|(x, y)| Some((x.parse().ok()?, y.parse().ok()?)))
+            .collect();
+        let [from, _, to, _, again] = places[..] else {
+            return None;
+        };
+        // Figures are drawn four times as large.
+        (from == again).then_some((from.1 / 4.0, (to.0 - from.0) / 4.0, (to.1 - from.1) / 4.0))
+    });
+    corners.collect()
+}
+
+/// Width and height of the whole sheet, pixels.
+fn size(svg: &str) -> (f64, f64) {
+    let side = |name: &str| -> f64 {
+        let value = svg.split(&format!("{name}=\"")).nth(1).unwrap();
+        value.split('"').next().unwrap().parse().unwrap()
+    };
+    (side("width"), side("height"))
+}
+
+#[test]
+fn cells_are_large_enough_to_see_in_skins_of_any_shape() {
+    for (height, width) in [
+        (1, 64),
+        (64, 1),
+        (4, 4),
+        (16, 16),
+        (50, 28),
+        (128, 128),
+        (1, 256),
+        (3, 200),
+        (256, 2),
+    ] {
+        let sheet = Sheet::new("t").columns(3).panel_size(250, 280);
+        let picture = || Picture::grey("engages", width, vec![0; width * height]).caption("strongest 5");
+        let svg = (0..6)
+            .fold(sheet, |sheet, _| sheet.picture(picture()))
+            .svg()
+            .unwrap();
+        let frames = frames(&svg);
+        assert_eq!(frames.len(), 6, "{height} x {width}");
+        for (_, w, h) in &frames {
+            let cell = (w / width as f64, h / height as f64);
+            assert!(cell.0 >= 3.0 && cell.1 >= 3.0, "{height} x {width}: {cell:?}");
+            assert!(*w >= 20.0 && *h >= 20.0, "{height} x {width}: {w} x {h}");
+        }
+        let (wide, high) = size(&svg);
+        assert!(wide <= 1300.0, "{height} x {width}: {wide}");
+        // Nothing is left empty: a title and a caption are 42 pixels, a gap 12, the sheet's title 38.
+        let tops: BTreeSet<i64> = frames.iter().map(|(top, ..)| *top as i64).collect();
+        assert!([2, 6].contains(&tops.len()), "{height} x {width}: rows are whole");
+        let wanted = 38.0 + tops.len() as f64 * (frames[0].2 + 42.0 + 12.0);
+        assert!(
+            (high - wanted).abs() <= 1.0,
+            "{height} x {width}: {high}, not {wanted}"
+        );
+    }
+}
+
+#[test]
+fn a_cell_without_a_colour_is_hatched_and_not_painted() {
+    let cells = |empty: &[usize]| {
+        let empty = empty.to_vec();
+        let cells = (0..4).map(move |n| (!empty.contains(&n)).then_some([0, 0, 0]));
+        Sheet::new("").picture(Picture::rgb("", 2, cells)).svg().unwrap()
+    };
+    let hatches = |svg: &str| {
+        svg.lines()
+            .filter(|line| line.starts_with("<polyline") && line.matches(',').count() == 2)
+            .count()
+    };
+    let painted = |svg: &str| svg.matches("fill=\"#000000\"").count();
+    // Neighbours in a row are one rectangle; neighbours up to the right are one line.
+    for (empty, lines, rectangles) in [
+        (&[][..], 0, 2),
+        (&[3], 1, 2),
+        (&[1, 2], 1, 2),
+        (&[0, 1], 2, 1),
+        (&[0, 3], 2, 2),
+    ] {
+        let svg = cells(empty);
+        assert_eq!(
+            (hatches(&svg), painted(&svg)),
+            (lines, rectangles),
+            "{empty:?}\n{svg}"
+        );
+    }
+}
+
+#[test]
+fn names_of_a_chart_stay_within_it() {
+    let long = "force of the strongest taxel of the whole hand above its own baseline, counts";
+    let chart = Chart::new("", Axis::new(long), Axis::new(long))
+        .line(long, [(0.0, 0.0), (1.0, 1.0)])
+        .line("other", [(0.0, 1.0), (1.0, 0.0)])
+        .at_x("an instant at the right edge", 0.99)
+        .at_y("a threshold at the top", 1.0);
+    let svg = Sheet::new("").panel_size(240, 200).chart(chart).svg().unwrap();
+    let number = |text: &str, name: &str| -> f64 {
+        let value = text.split(&format!(" {name}=\"")).nth(1).unwrap();
+        value.split('"').next().unwrap().parse::<f64>().unwrap() / 4.0
+    };
+    let mut seen = 0;
+    for text in svg.split("<text").skip(1) {
+        let words = text.split('>').nth(1).unwrap().split('<').next().unwrap().trim();
+        let length = 0.56 * number(text, "font-size") * words.chars().count() as f64;
+        let (x, y) = (number(text, "x"), number(text, "y"));
+        let before = match text {
+            _ if text.contains("text-anchor=\"end\"") => length,
+            _ if text.contains("text-anchor=\"middle\"") => length / 2.0,
+            _ => 0.0,
+        };
+        let (along, side) = if text.contains("rotate(") {
+            (y, 224.0)
+        } else {
+            (x, 264.0)
+        };
+        let (from, to) = if text.contains("rotate(") {
+            (along - (length - before), along + before)
+        } else {
+            (along - before, along + length - before)
+        };
+        assert!(from >= 0.0 && to <= side, "{words}: {from} to {to} of {side}");
+        seen += 1;
+    }
+    assert!(seen > 8, "{svg}");
 }

@@ -84,7 +84,7 @@ fn amount(force: f64, unit: Option<&str>) -> String {
 }
 
 /// The forces of the taxels in contact, in grey, and in their own unit beside the figure: the tactile frame of the
-/// publication. A taxel that is out of use has no number.
+/// publication. A taxel that is out of use has no number and no grey.
 pub(super) fn felt(take: &Take, index: usize, title: String) -> Picture {
     let frame = &take.force[index];
     let strongest = (0..take.layout.len())
@@ -97,13 +97,13 @@ pub(super) fn felt(take: &Take, index: usize, title: String) -> Picture {
     });
     let forces: Vec<Option<f64>> = forces.into_iter().map(Option::flatten).collect();
     let grey = |force: f64| (255.0 * force / strongest.max(f64::MIN_POSITIVE)).round() as u8;
-    let grey = forces.iter().map(|force| force.map_or(0, grey));
+    let grey = forces.iter().map(|force| force.map(|force| [grey(force); 3]));
     let caption = format!(
         "taxels in contact {}, strongest {}",
         frame.contacts(),
         amount(strongest, take.unit)
     );
-    Picture::grey(title, take.layout.width.into(), grey)
+    Picture::rgb(title, take.layout.width.into(), grey)
         .caption(caption)
         .numbers("", forces.iter().copied())
 }

@@ -336,6 +336,31 @@ fn a_taxel_without_a_value_has_no_counts_no_force_and_no_colour() {
     assert_eq!(empty, [false, false, false, true]);
     let svg = fs::read_to_string(dir.path().join("out/in-frame.svg")).unwrap();
     assert!(!svg.contains("\"#000000\"") && !svg.contains("\"#000\""), "{svg}");
+    // Of three instants of what is felt, each has two cells in a row above, and one beside the empty one, which is
+    // hatched; what a display is given is black where it is given nothing.
+    let svg = fs::read_to_string(dir.path().join("out/in-instants.svg")).unwrap();
+    let felt = svg.split("felt: ").nth(1).unwrap();
+    let felt = felt.split("taxels in contact").next().unwrap();
+    let cells = felt.lines().filter(|line| line.starts_with("<rect"));
+    let area = |line: &str| -> f64 {
+        let side = |name: &str| -> f64 {
+            let value = line.split(&format!(" {name}=\"")).nth(1).unwrap();
+            value.split('"').next().unwrap().parse().unwrap()
+        };
+        side("width") * side("height")
+    };
+    let areas: Vec<f64> = cells.map(area).collect();
+    let least = areas.iter().copied().fold(f64::INFINITY, f64::min);
+    let painted = areas.iter().sum::<f64>() / least;
+    assert!(
+        (painted - 3.0).abs() < 0.01,
+        "{painted} of four cells are painted: {felt}"
+    );
+    assert_eq!(
+        felt.matches("<polyline").count(),
+        2,
+        "its frame and its hatch: {felt}"
+    );
 }
 
 #[test]
