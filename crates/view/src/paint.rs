@@ -5,6 +5,7 @@ use crate::raster::Raster;
 use ratatui::buffer::Buffer;
 use ratatui::layout::{Position, Rect};
 use ratatui::style::{Color, Modifier, Style};
+use ratatui::text::Span;
 
 /// How a taxel is drawn.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -101,11 +102,19 @@ pub(crate) fn text(buffer: &mut Buffer, place: Rect, text: &str, style: Style) {
     }
 }
 
-/// At most so many characters of a sentence, with dots where it goes on.
+/// Columns that a text takes: two for the letters of Chinese, Japanese and Korean.
+pub(crate) fn text_width(text: &str) -> usize {
+    Span::raw(text).width()
+}
+
+/// As much of a sentence as so many columns have room for, with dots where it goes on.
 pub(crate) fn shortened(text: &str, most: usize) -> String {
-    if text.chars().count() <= most {
+    if text_width(text) <= most {
         return text.into();
     }
-    let start: String = text.chars().take(most.saturating_sub(1)).collect();
+    let mut start = text.to_owned();
+    while text_width(&start) >= most.max(1) {
+        start.pop();
+    }
     start.trim_end().to_owned() + "…"
 }

@@ -116,6 +116,16 @@ impl Raster {
         (taxel != NONE).then_some(usize::from(taxel))
     }
 
+    /// Whether a taxel is in any of these characters, of a drawing that begins at `origin`.
+    pub(crate) fn covers(&self, place: Rect, origin: Position) -> bool {
+        place.positions().any(|at| {
+            let (Some(x), Some(y)) = (at.x.checked_sub(origin.x), at.y.checked_sub(origin.y)) else {
+                return false;
+            };
+            [2 * y, 2 * y + 1].iter().any(|y| self.taxel_at(x, *y).is_some())
+        })
+    }
+
     /// Number of taxels.
     pub(crate) fn taxels(&self) -> usize {
         self.middle.len()

@@ -1,5 +1,6 @@
 //! A drawn screen as SVG.
 
+use crate::paint::text_width;
 use ratatui::buffer::{Buffer, Cell};
 use ratatui::style::{Color, Modifier};
 use std::fmt::Write;
@@ -31,10 +32,12 @@ fn write_svg(buffer: &Buffer, out: &mut String) -> std::fmt::Result {
         let mut column = 0;
         while column < columns {
             let cell = &cells[column];
-            let alike = cells[column..]
-                .iter()
-                .take_while(|other| is_alike(cell, other))
-                .count();
+            // The character behind a wide letter is a part of it.
+            let mut end = column;
+            while end < columns && is_alike(cell, &cells[end]) {
+                end += text_width(cells[end].symbol()).max(1);
+            }
+            let alike = end.min(columns) - column;
             write_run(out, (column, row), &cells[column..column + alike])?;
             column += alike;
         }
@@ -80,7 +83,15 @@ fn write_run(out: &mut String, (column, row): (usize, usize), cells: &[Cell]) ->
             } else {
                 ""
             };
-            let words: String = cells.iter().map(Cell::symbol).collect();
+            let mut from = 0;
+            let letters = cells.iter().enumerate().filter(|(n, cell)| {
+                let is_letter = *n >= from;
+                if is_letter {
+                    from = n + text_width(cell.symbol()).max(1);
+                }
+                is_letter
+            });
+            let words: String = letters.map(|(_, cell)| cell.symbol()).collect();
             let words = words.replace('&', "&amp;").replace('<', "&lt;");
             writeln!(
                 out,
@@ -120,5 +131,16 @@ mod tests {
             assert!(svg.contains(part), "{part}\n{svg}");
         }
         assert_eq!(svg.matches("<text").count(), 1, "{svg}");
+    }
+
+    #[test]
+    fn wide_letters_are_text_without_the_blanks_behind_them() {
+        let mut buffer = Buffer::empty(Rect::new(0, 0, 6, 1));
+        buffer.set_string(0, 0, "親指 a", Style::new().fg(Color::Rgb(255, 0, 0)));
+        let svg = svg(&buffer);
+        assert!(
+            svg.contains("textLength=\"48\" fill=\"#ff0000\">親指 a</text>"),
+            "{svg}"
+        );
     }
 }

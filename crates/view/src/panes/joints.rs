@@ -1,6 +1,7 @@
 //! The joints: a bar each under its finger, and the degrees where there is room.
 
 use crate::colour::Palette;
+use crate::paint::text_width;
 use crate::picture::{Joint, Picture};
 use ratatui::buffer::Buffer;
 use ratatui::layout::Rect;
@@ -66,34 +67,31 @@ pub(crate) fn draw_degrees(
         .map(|part| (*part, of_part(&picture.joints, part)))
         .filter(|(_, joints)| !joints.is_empty())
         .collect();
-    let name_width = rows
-        .iter()
-        .map(|(name, _)| name.chars().count())
-        .max()
-        .unwrap_or(0);
+    let name_width = rows.iter().map(|(name, _)| text_width(name)).max().unwrap_or(0);
     let most = rows.iter().map(|(_, joints)| joints.len()).max().unwrap_or(0);
-    let width = (name_width + DEGREES_WIDTH * most + 2) as u16;
-    let fits = STATUS_WIDTH + width <= status.width && rows.len() <= usize::from(status.height);
+    let columns = (name_width + DEGREES_WIDTH * most + 2) as u16;
+    let fits = STATUS_WIDTH + columns <= status.width && rows.len() <= usize::from(status.height);
     if most == 0 || !fits {
         return status.width;
     }
     let dim = Style::new().fg(palette.rgb(138, 138, 138));
     for (row, (name, joints)) in (status.y..).zip(&rows) {
-        let mut spans = vec![Span::styled(format!("{name:name_width$}"), dim)];
+        let blanks = " ".repeat(name_width - text_width(name));
+        let mut spans = vec![Span::styled(format!("{name}{blanks}"), dim)];
         spans.extend(joints.iter().map(|joint| match joint.angle_rad {
             // Adding zero turns -0 into 0.
             Some(angle) => Span::raw(format!(" {:>3}°", angle.to_degrees().round() + 0.0)),
             None => Span::styled("    ?", unknown(palette)),
         }));
         let place = Rect {
-            x: status.right() - width,
+            x: status.right() - columns,
             y: row,
-            width,
+            width: columns,
             height: 1,
         };
         Line::from(spans).render(place, buffer);
     }
-    status.width - width
+    status.width - columns
 }
 
 #[cfg(test)]

@@ -1,7 +1,7 @@
 //! The line above the panels and those below.
 
 use crate::colour::Palette;
-use crate::paint::{shortened, text};
+use crate::paint::{shortened, text, text_width};
 use crate::picture::{Picture, fault_in_words};
 use crate::screen::Screen;
 use ratatui::buffer::Buffer;
@@ -55,14 +55,14 @@ pub(super) fn heading(
 
 /// Columns for a sentence behind what is seen.
 fn room(area: Rect, heading: &super::Heading) -> usize {
-    let used = heading.name.chars().count() + heading.detail.chars().count();
+    let used = text_width(&heading.name) + text_width(&heading.detail);
     usize::from(area.width).saturating_sub(used + 5)
 }
 
 /// Whether the line above the panels says these words of the moment: where it has room, and nothing that lasts to say.
 fn is_said_above(words: &str, picture: &Picture, room: usize) -> bool {
     let lasts = picture.gone.is_none() && (picture.paused || picture.calibrating);
-    !lasts && words.chars().count() <= room
+    !lasts && text_width(words) <= room
 }
 
 /// What somebody who looks is told for the moment: why there is no daemon, or what became of a key.
@@ -102,7 +102,7 @@ fn wrapped(words: &str, width: usize, most: usize) -> Vec<String> {
         let row = rows.last_mut().expect("one row or more");
         if row.is_empty() {
             row.push_str(word);
-        } else if row.chars().count() + 1 + word.chars().count() <= width {
+        } else if text_width(row) + 1 + text_width(word) <= width {
             *row += " ";
             row.push_str(word);
         } else {

@@ -9,7 +9,7 @@ mod traces;
 
 use crate::colour::Palette;
 use crate::flat::parts;
-use crate::paint::text;
+use crate::paint::{text, text_width};
 use crate::picture::Picture;
 use crate::raster::{Raster, Room, Size};
 use crate::screen::{Right, Screen};
@@ -232,7 +232,7 @@ fn panel(
     let title = Rect { height: 1, ..area };
     let x = area.x + area.width.saturating_sub(raster.width) / 2;
     let begins = x
-        .min(area.right().saturating_sub(words.chars().count() as u16))
+        .min(area.right().saturating_sub(text_width(words) as u16))
         .max(area.x);
     let title = Rect {
         x: begins,
@@ -242,34 +242,50 @@ fn panel(
     text(buffer, title, words, Style::new().add_modifier(Modifier::BOLD));
     let origin = Position::new(x, area.y + HEAD);
     let dim = Style::new().fg(palette.rgb(138, 138, 138));
-    // Above their taxels; those that something else is above already, below.
+    // Above their taxels; those that something else is above already, below; none where there is no room for it.
     let end = area.bottom().min(origin.y + raster.rows() + names_below(picture));
-    let mut free = area.x;
-    let mut free_below = area.x;
-    for part in parts(&picture.hand) {
-        let place = raster.around(&part.taxels, origin);
-        let mut width = (part.name.chars().count() as u16).min(place.width.max(3));
-        let mut begins = place.x + place.width.saturating_sub(width) / 2;
-        let (y, free) = match (begins >= free, begins >= free_below && place.bottom() < end) {
-            (true, _) => (area.y + 1, &mut free),
-            (false, true) => (place.bottom(), &mut free_below),
-            (false, false) => continue,
+    let parts = parts(&picture.hand);
+    let mut placed: Vec<(&str, Rect)> = (parts.iter())
+        .map(|part| (part.name, raster.around(&part.taxels, origin)))
+        .collect();
+    placed.sort_by_key(|(_, place)| (place.x, place.y));
+    let mut taken: Vec<Rect> = Vec::new();
+    for (name, place) in placed {
+        let above = Rect {
+            y: origin.y,
+            height: place.y - origin.y,
+            ..place
         };
-        if begins == *free && begins > area.x {
-            // A blank between two names is worth the last letter.
-            begins += 1;
-            width = width.min(place.right().saturating_sub(begins));
+        let rows = match raster.covers(above, origin) {
+            false => [place.y - 1, place.bottom()],
+            true => [place.bottom(), place.y - 1],
+        };
+        let rows = rows.into_iter().filter(|y| (area.y + 1..end).contains(y));
+        let spots = rows.filter_map(|y| spot(name, place, y, &taken));
+        let mut free = spots.filter(|spot| !raster.covers(*spot, origin));
+        if let Some(spot) = free.next() {
+            text(buffer, spot.intersection(area), name, dim);
+            taken.push(spot);
         }
-        *free = begins + width;
-        let place = Rect {
-            x: begins,
-            y,
-            width: width.min(area.right().saturating_sub(begins)),
-            height: 1,
-        };
-        text(buffer, place, part.name, dim);
     }
     origin
+}
+
+/// Where in row `y` the name of a part at `place` stands; none where another name does.
+fn spot(name: &str, place: Rect, y: u16, taken: &[Rect]) -> Option<Rect> {
+    let width = (text_width(name) as u16).min(place.width.max(3));
+    let mut spot = Rect {
+        x: place.x + place.width.saturating_sub(width) / 2,
+        y,
+        width,
+        height: 1,
+    };
+    // A blank between two names is worth the last letter.
+    if taken.iter().any(|other| other.y == y && other.right() == spot.x) {
+        spot.x += 1;
+        spot.width = width.min(place.right().saturating_sub(spot.x));
+    }
+    (spot.width > 0 && !taken.iter().any(|other| other.intersects(spot))).then_some(spot)
 }
 
 /// Rows below the taxels for the names of parts that are below others.

@@ -1,3 +1,4 @@
+mod names;
 mod told;
 
 use super::*;
