@@ -334,7 +334,7 @@ fn draw_span(pen: &Pen<'_>, (x, y): Place, height: f64, (low, high): (f64, f64))
     }
     let text = |value: f64, y: f64| {
         pen.text(
-            &crate::axis::tick_text(value),
+            &crate::axis::tick_text(rounded(value)),
             (x + 12.0, y),
             Side::Right,
             10.0,
@@ -343,4 +343,27 @@ fn draw_span(pen: &Pen<'_>, (x, y): Place, height: f64, (low, high): (f64, f64))
     };
     text(high, y + 5.0)?;
     text(low, y + height - 5.0)
+}
+
+/// To four digits.
+fn rounded(value: f64) -> f64 {
+    format!("{value:.3e}").parse().unwrap_or(value)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn the_ends_of_a_bar_of_colours_are_told_in_four_digits() {
+        for (value, wanted) in [
+            (8133.877, 8134.0),
+            (0.0, 0.0),
+            (-0.123456, -0.1235),
+            (1e300, 1e300),
+            (12.0, 12.0),
+        ] {
+            assert_eq!(rounded(value), wanted);
+        }
+    }
 }

@@ -114,8 +114,8 @@ impl Sheet {
     fn columns_of(&self, width: f64) -> usize {
         let asked = self.columns.min(self.panels.len());
         let fits = |columns: &usize| GAP + *columns as f64 * (width + GAP) <= WIDEST.max(self.width());
-        let parts = (1..=asked).rev().filter(|columns| asked % columns == 0);
-        parts.into_iter().find(fits).unwrap_or(1)
+        let mut parts = (1..=asked).rev().filter(|columns| asked.is_multiple_of(*columns));
+        parts.find(fits).unwrap_or(1)
     }
 
     /// With panels as large as was asked for.
