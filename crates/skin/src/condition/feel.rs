@@ -105,7 +105,7 @@ impl Conditioner {
                 }
             }
             faults = taxel.faults(rules.robust);
-            if sample.status_error {
+            if sample.status_error && !faults.contains(Fault::Dead) {
                 faults.insert(Fault::Status);
             }
             if !taxel.has_baseline && !rules.calibrating && faults.is_empty() {

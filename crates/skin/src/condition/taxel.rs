@@ -181,14 +181,18 @@ impl Taxel {
         let first = track.last_ns == NEVER;
         let dt_ns = if first { 0 } else { t_ns - track.last_ns };
         track.last_ns = t_ns;
+        let was_dead = self.health.dead_run() >= rules.dead_samples;
+        let is_dead = is_dead_sample(raw) && !(self.rests_at_zero && raw == [0; 3]);
         if sample.status_error {
             counters.status_errors += 1;
-            self.health.handle_no_sample();
+            // The status of a chip that does not answer is as dead as its counts. One axis alone does not tell.
+            match is_dead && !self.scalar {
+                true => self.health.handle_dead_sample(&rules.health),
+                false => self.health.handle_no_sample(),
+            }
             self.repair.hold();
             return false;
         }
-        let was_dead = self.health.dead_run() >= rules.dead_samples;
-        let is_dead = is_dead_sample(raw) && !(self.rests_at_zero && raw == [0; 3]);
         if is_dead && (rules.robust || (rules.repair.reject && !was_dead)) {
             counters.dead_samples += 1;
             self.health.handle_dead_sample(&rules.health);

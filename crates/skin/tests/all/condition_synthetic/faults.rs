@@ -33,6 +33,21 @@ fn a_taxel_that_dies_is_flagged_after_three_samples_and_recovers_when_it_speaks(
 }
 
 #[test]
+fn a_chip_that_does_not_answer_is_dead_whatever_its_status_byte_reads() {
+    for (rail, status) in [(u16::MAX, 0xFF), (0, 0x10), (0, 0)] {
+        let mut skin = calibrated(2);
+        for _ in 0..3 {
+            skin.step_with(|f| (f.counts[1], f.status[1]) = ([rail; 3], status));
+        }
+        let reasons: Vec<Fault> = skin.out.faults[1].iter().collect();
+        assert_eq!(reasons, [Fault::Dead], "rail {rail}, status {status:#04x}");
+        skin.frame.status[1] = 0;
+        skin.run_ms(100);
+        assert!(skin.out.faults[1].is_empty());
+    }
+}
+
+#[test]
 fn a_single_sample_at_the_rails_is_held_back() {
     let mut skin = calibrated(1);
     let out = skin.step_with(|f| f.counts[0] = [u16::MAX; 3]);
