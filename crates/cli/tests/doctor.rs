@@ -427,7 +427,10 @@ fn a_missing_servo_a_slow_one_and_a_stranger_are_found() {
     let missing = bad(&checks, "servo-silent");
     assert_eq!(missing.len(), 1, "{checks:?}");
     assert_eq!(missing[0][..2], ["servo 3", "error"]);
-    assert!(missing[0][2].ends_with("(id 3) is silent"), "{missing:?}");
+    assert!(
+        missing[0][2].ends_with("joints: servo 3 is silent"),
+        "{missing:?}"
+    );
     assert!(bad(&checks, "answers").is_empty());
     let delay = bad(&checks, "return delay time");
     assert_eq!(delay.len(), 1);

@@ -3,7 +3,9 @@
 use super::finding::{Check, State};
 use std::borrow::Cow;
 use std::collections::BTreeSet;
-use taxel_diagnose::{Kind, missing_servos, servo_state, silent_servo, two_servos, unknown_model};
+use taxel_diagnose::{
+    Kind, missing_servos, servo_name, servo_state, silent_servo, two_servos, unknown_model,
+};
 use taxel_joints::bus::{ServoState, wire_ns};
 use taxel_joints::registers::{Model, baud_of};
 use taxel_joints::{BusSurvey, DynamixelConfig, SurveyedServo};
@@ -66,7 +68,7 @@ pub(super) fn check(config: &DynamixelConfig, facts: &ServoFacts) -> Vec<Check> 
     }
     let mut of_servos = Vec::new();
     for (joint, wanted) in config.servo.iter().enumerate() {
-        let name = format!("{} (id {})", wanted.name, wanted.id);
+        let name = servo_name(wanted);
         let number = format!("servo {}", wanted.id);
         let object = match wanted.name == number {
             true => number,

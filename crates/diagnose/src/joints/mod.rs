@@ -17,7 +17,7 @@ pub(crate) use angles_used::AnglesUsed;
 pub(crate) use patience::Patience;
 pub use reporter::JointsReporter;
 pub use servo_state::{servo_state, unknown_model};
-pub use servos::{missing_servos, silent_servo, slow_adapter, two_servos};
+pub use servos::{missing_servos, servo_name, silent_servo, slow_adapter, two_servos};
 
 use crate::joints_view::{JointsView, SourceView};
 use crate::kind::Kind;

@@ -6,7 +6,7 @@ use crate::kind::Kind;
 use crate::problem::{Place, Problem};
 use taxel_joints::bus::{ServoCounters, ServoState};
 use taxel_joints::protocol2::StatusError;
-use taxel_joints::{DynamixelConfig, PortState, PortStatus, ServoSnapshot};
+use taxel_joints::{DynamixelConfig, PortState, PortStatus, ServoConfig, ServoSnapshot};
 
 /// Late, damaged and refusing answers in the time looked at, from which they are a problem, if they are a fifth of all; one
 /// keeps it up. A machine that is held up for a moment makes some answers late.
@@ -264,7 +264,16 @@ impl Judge<'_> {
 }
 
 fn name_of(config: &DynamixelConfig, joint: usize) -> String {
-    (config.servo.get(joint)).map_or_else(String::new, |s| format!("{} (id {})", s.name, s.id))
+    config.servo.get(joint).map_or_else(String::new, servo_name)
+}
+
+/// A servo as it is called behind the word "servo": by its name and its id, or by its id alone where it has no other name.
+pub fn servo_name(servo: &ServoConfig) -> String {
+    let ServoConfig { id, name, .. } = servo;
+    match *name == format!("servo {id}") {
+        true => id.to_string(),
+        false => format!("{name} (id {id})"),
+    }
 }
 
 /// More than one servo, so many, answers with the id of this one, by its joint and its name with that id.

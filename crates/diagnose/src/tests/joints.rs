@@ -69,11 +69,11 @@ fn a_servo_that_is_silent_late_damaged_hot_or_failed_is_named_with_what_to_do() 
             |v| servo(v, 1).motor_lost = Some(MotorLost::Restarted),
             |v| servo(v, 1).motor_lost = None,
             &[
-                "servo servo 2 (id 2) has restarted while its motor was on",
+                "servo 2 has restarted while its motor was on",
                 "its motor is switched off. Look at its supply",
                 "enabled anew",
             ],
-            "the motor of servo servo 2 (id 2) is on again",
+            "the motor of servo 2 is on again",
         ),
         (
             "motor-lost",
@@ -85,7 +85,7 @@ fn a_servo_that_is_silent_late_damaged_hot_or_failed_is_named_with_what_to_do() 
             },
             |v| servo(v, 1).motor_lost = None,
             &[
-                "another program has set the bus watchdog of servo servo 2 (id 2) to 50",
+                "another program has set the bus watchdog of servo 2 to 50",
                 "had 10",
             ],
             "is on again",
@@ -95,7 +95,7 @@ fn a_servo_that_is_silent_late_damaged_hot_or_failed_is_named_with_what_to_do() 
             |v| servo(v, 1).motor_lost = Some(MotorLost::GoneOff),
             |v| servo(v, 1).motor_lost = None,
             &[
-                "the motor of servo servo 2 (id 2) was on and has gone off by itself",
+                "the motor of servo 2 was on and has gone off by itself",
                 "enabled anew",
             ],
             "is on again",
@@ -105,10 +105,10 @@ fn a_servo_that_is_silent_late_damaged_hot_or_failed_is_named_with_what_to_do() 
             |v| (servo(v, 1).torque_enabled, servo(v, 1).watchdog_tripped) = (Some(true), Some(true)),
             |v| servo(v, 1).torque_enabled = Some(false),
             &[
-                "the motor of servo servo 2 (id 2) is switched on and holds nothing: its bus watchdog has stopped it",
+                "the motor of servo 2 is switched on and holds nothing: its bus watchdog has stopped it",
                 "Enable its torque anew",
             ],
-            "servo 2 (id 2) is not stopped by its watchdog any more",
+            "servo 2 is not stopped by its watchdog any more",
         ),
         (
             "motor-not-off",
@@ -124,10 +124,10 @@ fn a_servo_that_is_silent_late_damaged_hot_or_failed_is_named_with_what_to_do() 
             },
             |v| servo(v, 1).motor_off.unconfirmed = false,
             &[
-                "the motor of servo servo 2 (id 2) is off, as it was told to be: the servo does not answer",
+                "the motor of servo 2 is off, as it was told to be: the servo does not answer",
                 "cut its supply",
             ],
-            "the motor of servo servo 2 (id 2) is off",
+            "the motor of servo 2 is off",
         ),
         (
             "motor-not-off",
@@ -142,28 +142,28 @@ fn a_servo_that_is_silent_late_damaged_hot_or_failed_is_named_with_what_to_do() 
                 }
             },
             |v| servo(v, 1).motor_off.unconfirmed = false,
-            &["the motor of servo servo 2 (id 2) is on, though it was told to be off. It is told again"],
-            "the motor of servo servo 2 (id 2) is off",
+            &["the motor of servo 2 is on, though it was told to be off. It is told again"],
+            "the motor of servo 2 is off",
         ),
         (
             "servo-silent",
             |v| servo(v, 1).alive = false,
             |v| servo(v, 1).alive = true,
-            &["servo 2 (id 2) is silent; check its power and cable. "],
-            "servo 2 (id 2) answers again",
+            &["servo 2 is silent; check its power and cable. "],
+            "servo 2 answers again",
         ),
         (
             "servo-late",
             |v| servo(v, 1).counters.late += 1,
             |_| {},
-            &["servo 2 (id 2) answers after its deadline", "answer_margin_ms"],
+            &["servo 2 answers after its deadline", "answer_margin_ms"],
             "answers in time",
         ),
         (
             "servo-damaged",
             |v| servo(v, 1).counters.bad_crc += 1,
             |_| {},
-            &["answers of servo servo 2 (id 2)", "damaged (CRC)", "termination"],
+            &["answers of servo 2", "damaged (CRC)", "termination"],
             "are whole",
         ),
         (
@@ -174,17 +174,17 @@ fn a_servo_that_is_silent_late_damaged_hot_or_failed_is_named_with_what_to_do() 
             },
             |v| v.tick.angles[1] = 0.0,
             &[
-                "2 servos answer with the id of servo servo 2 (id 2)",
+                "2 servos answer with the id of servo 2",
                 "the angle of none is taken; unplug all but one",
             ],
-            "one servo answers with the id of servo servo 2 (id 2)",
+            "one servo answers with the id of servo 2",
         ),
         (
             "servo-error",
             |v| servo(v, 1).hardware_error = Some(HardwareError(0x24)),
             |v| servo(v, 1).hardware_error = Some(HardwareError(0)),
             &[
-                "servo 2 (id 2)",
+                "servo 2",
                 "overheating, overload",
                 "Let it cool down, free the joint; then reboot it",
             ],
@@ -202,11 +202,11 @@ fn a_servo_that_is_silent_late_damaged_hot_or_failed_is_named_with_what_to_do() 
                 v.tick.angles[1] = 0.0;
             },
             &[
-                "servo servo 2 (id 2) answers and refuses to be read",
+                "servo 2 answers and refuses to be read",
                 "does not know the instruction (2",
                 "firmware up to date",
             ],
-            "servo 2 (id 2) is read again",
+            "servo 2 is read again",
         ),
         (
             "servo-refuses",
@@ -216,14 +216,14 @@ fn a_servo_that_is_silent_late_damaged_hot_or_failed_is_named_with_what_to_do() 
             },
             |v| servo(v, 1).refusal = None,
             &["reached the servo damaged (3", "motor wires"],
-            "servo 2 (id 2) is read again",
+            "servo 2 is read again",
         ),
         (
             "servo-error",
             |v| (servo(v, 1).alert, servo(v, 1).refusal) = (true, Some(StatusError::DataRange)),
             |v| servo(v, 1).alert = false,
             &[
-                "servo 2 (id 2) reports a hardware error: it does not say which",
+                "servo 2 reports a hardware error: it does not say which",
                 "Reboot it",
             ],
             "no hardware error",
@@ -238,16 +238,16 @@ fn a_servo_that_is_silent_late_damaged_hot_or_failed_is_named_with_what_to_do() 
             },
             |v| servo(v, 1).identity.as_mut().unwrap().model_number = 1030,
             &[
-                "the model number 51200 of servo servo 2 (id 2) is not known, so that its angles may be wrong",
+                "the model number 51200 of servo 2 is not known, so that its angles may be wrong",
                 "X-series servo with the control table of the XM430-W210",
             ],
-            "servo 2 (id 2) is of a known model",
+            "servo 2 is of a known model",
         ),
         (
             "servo-hot",
             |v| servo(v, 1).temperature_c = Some(71),
             |v| servo(v, 1).temperature_c = Some(64),
-            &["servo 2 (id 2) has 71 degrees"],
+            &["servo 2 has 71 degrees"],
             "cooled down",
         ),
     ];

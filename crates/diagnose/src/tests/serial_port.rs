@@ -53,7 +53,7 @@ fn a_thread_that_ends_no_cycle_is_told_and_puts_right_nothing_that_it_last_knew(
         servo(view, 0).temperature_c = Some(75);
     };
     bench.pass(1900, hang);
-    bench.said(&[&["servo 1 (id 1) has 75 degrees"]]);
+    bench.said(&[&["servo 1 has 75 degrees"]]);
     bench.pass(1000, |view| {
         hang(view);
         view.tick.angles.fill(f32::NAN);
@@ -178,11 +178,11 @@ fn a_model_that_is_not_known_is_a_problem_until_the_servo_says_another() {
         });
     };
     bench.pass(1000, |view| is(view, Some(51_200)));
-    bench.said(&[&["the model number 51200 of servo servo 2 (id 2) is not known"]]);
+    bench.said(&[&["the model number 51200 of servo 2 is not known"]]);
     bench.pass(1000, |view| is(view, None));
     bench.pass(1000, |view| is(view, Some(51_200)));
     bench.said(&[]);
     bench.pass(100, |view| is(view, None));
     bench.pass(100, |view| is(view, Some(1030)));
-    bench.said(&[&["servo 2 (id 2) is of a known model"]]);
+    bench.said(&[&["servo 2 is of a known model"]]);
 }

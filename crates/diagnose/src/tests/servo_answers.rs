@@ -98,10 +98,10 @@ fn servos_that_are_late_and_in_time_again_at_the_same_look_are_told_together() {
         bench.pass(1500, |view| {
             (0..late).for_each(|joint| servo(view, joint).counters.late += 1);
         });
-        bench.said(&[&["servo 1 (id 1) answers after its deadline", came]]);
+        bench.said(&[&["servo 1 answers after its deadline", came]]);
         assert_eq!(bench.bench.kinds(), vec!["servo-late"; late]);
         bench.pass(1000, |_| {});
-        bench.said(&[&["servo 1 (id 1) answers in time", over]]);
+        bench.said(&[&["servo 1 answers in time", over]]);
     }
 }
 
@@ -139,10 +139,7 @@ fn two_servos_with_one_id_are_told_of_as_long_as_they_damage_each_other_and_that
         });
         assert_eq!(bench.bench.kinds(), ["two-servos-one-id"]);
     }
-    bench.said(&[
-        &["are whole"],
-        &["2 servos answer with the id of servo servo 2 (id 2)"],
-    ]);
+    bench.said(&[&["are whole"], &["2 servos answer with the id of servo 2"]]);
     bench.pass(1000, |_| {});
     bench.said(&[&["one servo answers with the id"]]);
 }
@@ -151,7 +148,7 @@ fn two_servos_with_one_id_are_told_of_as_long_as_they_damage_each_other_and_that
 fn a_damaged_answer_now_and_then_is_no_sign_that_there_are_still_two_servos_with_one_id() {
     let mut bench = JointsBench::answering(4);
     bench.pass(1000, |view| servo(view, 1).counters.double += 3);
-    bench.said(&[&["2 servos answer with the id of servo servo 2 (id 2)"]]);
+    bench.said(&[&["2 servos answer with the id of servo 2"]]);
     // One is unplugged, and the cable is as noisy as it was.
     bench.pass(3000, |view| {
         servo(view, 1).counters.ok += 10;
@@ -182,12 +179,12 @@ fn servos_that_all_come_back_are_told_alone_and_one_that_does_not_after_it_was_a
     });
     bench.said(&[
         &["servos answer"],
-        &["servo 4 (id 4) is silent; check its power and cable. "],
+        &["servo 4 is silent; check its power and cable. "],
     ]);
     bench.pass(2000, |view| {
         (servo(view, 3).alive, view.tick.angles[3]) = (true, 0.0)
     });
-    bench.said(&[&["servo 4 (id 4) answers again"]]);
+    bench.said(&[&["servo 4 answers again"]]);
 }
 
 #[test]
@@ -200,7 +197,7 @@ fn a_servo_that_was_never_heard_is_given_time_and_then_other_advice() {
     bench.pass(900, |_| {});
     bench.said(&[&["16 ms", "/sys/bus/usb-serial/devices/ttyUSB0/latency_timer"]]);
     bench.pass(500, |_| {});
-    bench.said(&[&["servo 2 (id 2) is silent", "its id and its baud rate"]]);
+    bench.said(&[&["servo 2 is silent", "its id and its baud rate"]]);
     bench.pass(500, |view| {
         let (_, port) = view.servos.as_mut().unwrap();
         port.latency.as_mut().unwrap().ftdi_timer_ms = Some(1);
