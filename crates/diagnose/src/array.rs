@@ -75,7 +75,8 @@ pub(crate) fn judge(look: &Look<'_>, index: usize, found: &mut Vec<Problem>) {
     let timed = now.timed - before.timed;
     let age_ns = (now.aged_ns - before.aged_ns).checked_div(timed).unwrap_or(0);
     let stale_ns = stale_ns(look).filter(|stale_ns| age_ns > *stale_ns);
-    let age_ms = age_ns / 1_000_000;
+    // The mean of frames that have just begun to come late is still on its way.
+    let age_ms = age_ns.max(now.newest_age_ns) / 1_000_000;
     if let Some(stale_ns) = stale_ns {
         report(
             Kind::ArrayLate,

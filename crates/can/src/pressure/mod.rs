@@ -27,6 +27,8 @@ pub struct ArrayCounters {
     pub timed: u64,
     /// How long before they came these were measured, all together, nanoseconds.
     pub aged_ns: u64,
+    /// How long before it came the newest of these was measured, nanoseconds.
+    pub newest_age_ns: u64,
     /// How often the sequence began anew, or went back: another program sends, or two at once.
     pub restarts: u64,
     /// Refused: no message of a pressure array.

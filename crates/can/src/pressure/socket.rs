@@ -72,6 +72,7 @@ impl PressureSocket {
             counters.late += u64::from(age_ns > LATE_NS);
             counters.timed += 1;
             counters.aged_ns += age_ns;
+            counters.newest_age_ns = age_ns;
         }
         // Frames of a board come in the order of their times.
         let t_ns = age_ns.map_or(now_ns, |_| head.measured_ns).max(self.last_ns);

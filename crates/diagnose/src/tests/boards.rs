@@ -120,3 +120,23 @@ fn frames_of_an_array_that_are_stale_when_they_come_are_late_and_have_not_stoppe
         }
     }
 }
+
+#[test]
+fn frames_of_an_array_that_begin_to_come_late_are_told_with_the_age_that_they_have_then() {
+    let text = "name = \"t\"\nbuses = [\"mat\"]\nimage = { width = 5, height = 3 }\n[[module]]\nname = \"mat\"\n\
+        part = \"p\"\nbus = \"mat\"\nprotocol = \"pressure-array\"\nrows = 3\ncolumns = 5\nat = [0, 0]\n";
+    let layout = Layout::parse(text, "t.toml").unwrap_or_else(|e| panic!("{e}"));
+    let mut bench = Bench::of(layout, &["pressure:/run/mat.sock"]);
+    for age_ms in [10, 100] {
+        bench.pass(1000, |s| {
+            let array = &mut s.buses[0].counters.array;
+            array.timed += 5;
+            array.aged_ns += 5 * age_ms * MS;
+            array.newest_age_ns = age_ms * MS;
+            s.boards[0].period_ns = Some(20 * MS);
+        });
+    }
+    assert_eq!(bench.said.len(), 1);
+    let said = sentence(&bench.said[0]);
+    assert!(said.contains("come 100 ms after"), "{said}");
+}
