@@ -73,9 +73,10 @@ impl Judge<'_> {
 
     fn link_lost(&mut self, link: LinkState) {
         let is_down = link == LinkState::Down;
-        let kind = match is_down {
-            true => Kind::LinkDown,
-            false => Kind::LinkAbsent,
+        let kind = match (self.address, is_down) {
+            (SourceAddress::Log { .. }, _) => Kind::RecordingEnded,
+            (_, true) => Kind::LinkDown,
+            (_, false) => Kind::LinkAbsent,
         };
         let (what, advice, over) = match interface(self.address) {
             Some(interface) if is_down => (

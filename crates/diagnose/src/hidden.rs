@@ -10,7 +10,9 @@ pub(crate) fn hides(by: &Problem, of: &Problem, layout: &Layout) -> bool {
         return false;
     }
     match by.kind {
-        Kind::LinkAbsent | Kind::LinkDown | Kind::BusOff | Kind::BusSilent => hides_of_bus(by, of, layout),
+        Kind::LinkAbsent | Kind::LinkDown | Kind::RecordingEnded | Kind::BusOff | Kind::BusSilent => {
+            hides_of_bus(by, of, layout)
+        }
         _ => hides_of_joints(by, of),
     }
 }

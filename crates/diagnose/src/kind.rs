@@ -39,6 +39,8 @@ kinds! {
     LinkAbsent "link-absent" Error,
     /// The interface of a bus is down.
     LinkDown "link-down" Error,
+    /// A recording in the place of a bus is at its end.
+    RecordingEnded "recording-ended" Warning,
     /// A controller is off its bus.
     BusOff "bus-off" Error,
     /// A controller changes its error state again and again.

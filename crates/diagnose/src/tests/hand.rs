@@ -1,7 +1,7 @@
 //! Problems of buses and boards, as they come and go.
 
 use super::*;
-use crate::{Place, Starting};
+use crate::{Place, Severity, Starting};
 use taxel_can::SourceCounters;
 
 #[test]
@@ -119,6 +119,8 @@ fn a_recording_that_ends_before_another_is_not_waited_for() {
         said.contains("log:grasp.log is at its end") && !said.contains("waiting"),
         "{said}"
     );
+    assert_eq!(bench.kinds(), ["recording-ended"]);
+    assert_eq!(bench.problems.current()[0].problem.severity(), Severity::Warning);
 }
 
 #[test]
