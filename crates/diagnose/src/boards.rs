@@ -7,7 +7,7 @@ use crate::problem::{Place, Problem};
 use crate::traffic::{hub_speaks, speaks_on};
 use crate::view::{Look, Starting};
 use std::collections::VecDeque;
-use taxel_can::{BusState, LinkState};
+use taxel_can::{BusState, LinkState, SourceAddress};
 use taxel_skin::{BoardState, Finding, Layout};
 
 /// A board that falls silent this many times within this long is unsteady, until it was steady for a while.
@@ -141,7 +141,7 @@ pub(crate) fn judge(look: &Look<'_>, steadiness: &mut Steadiness, found: &mut Ve
                 true => foreign_bus(look, index),
                 false => {
                     let starting = here.iter().any(|m| layout.is_started(*m)).then_some(bus.starting);
-                    silent_bus(&layout.buses[index], index, starting)
+                    silent_bus(&layout.buses[index], index, &look.setup.sources[index], starting)
                 }
             });
         }
@@ -161,7 +161,12 @@ pub(crate) fn judge(look: &Look<'_>, steadiness: &mut Steadiness, found: &mut Ve
             found.push(match layout.wiring[modules[0]].array {
                 Some(_) => array::silent(&look.setup.sources[index], layout, modules[0], state),
                 None if hub_speaks(modules[0]) => unnamed_modules(layout, modules, state),
-                None => silent_board(layout, modules, state, bus.starting),
+                None => match &look.setup.sources[index] {
+                    recording @ SourceAddress::Log { .. } => {
+                        unrecorded_board(layout, modules, state, recording)
+                    }
+                    _ => silent_board(layout, modules, state, bus.starting),
+                },
             });
         }
     }
@@ -198,19 +203,49 @@ fn by_board<T: Copy>(
 }
 
 /// `starting` is `None` where no board of the bus is ever told to start.
-fn silent_bus(name: &str, bus: usize, starting: Option<Starting>) -> Problem {
+fn silent_bus(name: &str, bus: usize, source: &SourceAddress, starting: Option<Starting>) -> Problem {
     let done = match starting {
         Some(Starting::Repeated) => "They are told to start again and again",
         Some(starting) => what_is_done(starting),
         None => "Nothing is sent to such boards: they send from power-up on",
     };
+    let advice = match source {
+        SourceAddress::Log { .. } => {
+            format!("compare buses and board numbers in the layout with what is in {source}")
+        }
+        _ => format!("check the hand's power, the cable and the bit rate. {done}"),
+    };
     Problem::new(
         Kind::BusSilent,
         Place::Bus(bus),
         format!("{name}: no board speaks"),
-        format!("check the hand's power, the cable and the bit rate. {done}"),
+        advice,
         format!("{name}: boards speak again"),
     )
+}
+
+/// A board of which a recording has nothing, or nothing any more.
+fn unrecorded_board(
+    layout: &Layout,
+    modules: Vec<usize>,
+    state: BoardState,
+    recording: &SourceAddress,
+) -> Problem {
+    let name = modules_name(layout, &modules);
+    let over = format!("{} speaks", name.trim_end_matches(','));
+    let (kind, found, advice) = match state {
+        BoardState::NeverSeen => (
+            Kind::BoardUnheard,
+            format!("{name} is not in {recording}"),
+            "compare its bus and its number in the layout with the recording. The rest goes on",
+        ),
+        _ => (
+            Kind::BoardSilent,
+            format!("{name} is silent in {recording}"),
+            "It was so when this was recorded, and the rest goes on",
+        ),
+    };
+    of_board(layout, kind, modules, found, advice.into(), over)
 }
 
 /// A bus on which others speak and none of its boards ever did: probably it is the layout that is wrong.

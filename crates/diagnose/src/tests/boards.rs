@@ -28,6 +28,33 @@ fn only_of_boards_that_are_told_to_start_it_is_said() {
 }
 
 #[test]
+fn of_boards_that_are_not_in_a_recording_nothing_is_said_to_be_done() {
+    let module = || Layout::builtin("uskin-module").expect("built in");
+    let hand = || Layout::builtin("allegro-uskin-15").expect("built in");
+    let (one, two) = (&["log:a.log"][..], &["log:a.log", "log:b.log"]);
+    for (layout, sources, boards, state, words) in [
+        (module(), one, 1, BoardState::NeverSeen, "is not in log:a.log"),
+        (hand(), two, 1, BoardState::NeverSeen, "is not in log:a.log"),
+        (hand(), two, 1, BoardState::Silent, "is silent in log:a.log"),
+        (hand(), two, 8, BoardState::NeverSeen, "what is in log:a.log"),
+    ] {
+        let mut bench = Bench::of(layout, sources);
+        bench.pass(1000, |s| {
+            for board in &mut s.boards[..boards] {
+                board.state = state;
+            }
+        });
+        let said: Vec<&str> = bench.said.iter().map(sentence).collect();
+        assert_eq!(said.len(), 1, "{said:#?}");
+        let is_told = |words| said[0].contains(words);
+        assert!(
+            is_told(words) && !is_told("start") && !is_told("power"),
+            "{said:#?}"
+        );
+    }
+}
+
+#[test]
 fn of_an_unsteady_pressure_array_its_program_is_named_and_no_supply() {
     let text = "name = \"t\"\nbuses = [\"mat\"]\nimage = { width = 5, height = 3 }\n[[module]]\nname = \"mat\"\n\
         part = \"p\"\nbus = \"mat\"\nprotocol = \"pressure-array\"\nrows = 3\ncolumns = 5\nat = [0, 0]\n";
