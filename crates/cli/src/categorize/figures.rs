@@ -34,8 +34,10 @@ pub(super) fn draw(trials: &[Trial], folder: &Path, seed: u64) -> anyhow::Result
         save(6, figures.raw(&ends))?;
         let poor = rotary.first().copied().unwrap_or(last);
         save(7, figures.components(&distinct([first, poor]))?)?;
-        let title = format!("{phantom}: two classes on the map");
-        save(10, figures.maps(&title, &ends, &two_classes(first), false))?;
+        if let Some(two) = two_classes(first) {
+            let title = format!("{phantom}: two classes on the map");
+            save(10, figures.maps(&title, &ends, &two, false))?;
+        }
         let title = format!("{phantom}: vertical");
         save(14, figures.maps(&title, &ends, &classes(first), true))?;
     }
@@ -346,13 +348,13 @@ fn classes(trial: &Trial) -> Vec<String> {
     names
 }
 
-/// The two classes of figure 10: the publication's, or else the first two.
-fn two_classes(trial: &Trial) -> Vec<String> {
+/// The two classes of figure 10: the publication's, or those that there are. Figure 14 has any number of them.
+fn two_classes(trial: &Trial) -> Option<Vec<String>> {
     let all = classes(trial);
     let publications = ["NA", "BS"].map(str::to_owned);
     match publications.iter().all(|class| all.contains(class)) {
-        true => publications.to_vec(),
-        false => all.into_iter().take(2).collect(),
+        true => Some(publications.to_vec()),
+        false => Some(all).filter(|all| all.len() == 2),
     }
 }
 
