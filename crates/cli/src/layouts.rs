@@ -6,7 +6,7 @@ use anyhow::Context;
 use serde_json::json;
 use std::fmt::Write as _;
 use std::io::Write;
-use taxel_skin::Layout;
+use taxel_skin::{Layout, Protocol, Wiring};
 use taxel_view::outline;
 
 /// Columns of a drawing.
@@ -92,7 +92,7 @@ fn list(layouts: &[Layout]) -> String {
 fn drawing(layout: &Layout) -> String {
     let mut text = list(std::slice::from_ref(layout)) + "\n" + &outline(layout, COLUMNS) + "\n";
     for (number, (module, wiring)) in layout.modules.iter().zip(&layout.wiring).enumerate() {
-        let bus = layout.buses.get(usize::from(wiring.bus));
+        let bus = bus_of(layout, wiring);
         let at = bus.map_or(String::new(), |bus| format!("{bus}, board {}", wiring.board));
         let _ = writeln!(
             text,
@@ -106,6 +106,12 @@ fn drawing(layout: &Layout) -> String {
     text
 }
 
+/// The bus of a module's board; a module of an array in a file has neither.
+fn bus_of<'a>(layout: &'a Layout, wiring: &Wiring) -> Option<&'a String> {
+    let bus = layout.buses.get(usize::from(wiring.bus));
+    bus.filter(|_| wiring.protocol != Protocol::OFFLINE)
+}
+
 fn in_json(layout: &Layout) -> serde_json::Value {
     let modules = layout.modules.iter().zip(&layout.wiring).map(|(module, wiring)| {
         json!({
@@ -113,7 +119,7 @@ fn in_json(layout: &Layout) -> serde_json::Value {
             "part": module.part,
             "first_taxel": module.first_taxel,
             "taxels": module.taxels,
-            "bus": layout.buses.get(usize::from(wiring.bus)),
+            "bus": bus_of(layout, wiring),
             "board": wiring.board,
             "protocol": wiring.protocol.name(),
         })

@@ -117,6 +117,13 @@ fn the_built_in_layouts_are_listed_and_each_is_drawn() {
         (&json["taxels"], &json["modules"][0]["protocol"]),
         (&16.into(), &"uskin-l1".into())
     );
+    let mixed = "name = \"mixed\"\nbuses = [\"can0\"]\nimage = { width = 8, height = 4 }\n[[module]]\nname = \"pad\"\n\
+        part = \"p\"\nbus = \"can0\"\nboard = 0\nprotocol = \"uskin-l2\"\nat = [0, 0]\n[[module]]\nname = \"array\"\n\
+        part = \"q\"\nprotocol = \"offline\"\nat = [4, 0]\norder = [[0, 1], [2, 3]]\n";
+    std::fs::write(dir.path().join("mixed.toml"), mixed).unwrap();
+    let (out, _) = succeeds(&dir, &["layouts", "mixed.toml"]);
+    let array = out.lines().find(|line| line.contains("array")).unwrap();
+    assert!(out.contains("can0, board 0") && !array.contains("board"), "{out}");
     let err = fails(&dir, &["layouts", "nobodys-hand"], 1);
     assert!(
         err.contains("nobodys-hand") && err.contains("uskin-module"),
