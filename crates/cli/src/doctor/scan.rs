@@ -112,7 +112,7 @@ pub(crate) fn buses(sources: &[SourceAddress], root: &Path) -> anyhow::Result<Ve
             source: SourceAddress::Can { interface },
         }));
     }
-    for source in sources {
+    for source in &distinct(sources) {
         match source {
             SourceAddress::Can { interface } => found.push(Bus {
                 name: interface.clone(),
@@ -174,6 +174,13 @@ pub(crate) fn buses(sources: &[SourceAddress], root: &Path) -> anyhow::Result<Ve
         );
     }
     Ok(found)
+}
+
+/// Each source once, however often it is named.
+pub(crate) fn distinct(sources: &[SourceAddress]) -> Vec<SourceAddress> {
+    let is_first = |(n, source): &(usize, &SourceAddress)| !sources[..*n].contains(source);
+    let first = sources.iter().enumerate().filter(is_first);
+    first.map(|(_, source)| source.clone()).collect()
 }
 
 /// The interfaces that a recording is of, by name.

@@ -139,13 +139,14 @@ fn find_buses(args: &Args, root: &Path, answers: &Answers) -> anyhow::Result<Vec
     {
         bail!("{scene}: a scene is no bus; `taxel sim SCENE --to udp:` puts it on one");
     }
-    let names: Vec<String> = match args.sources.is_empty() {
+    let named = scan::distinct(&args.sources);
+    let names: Vec<String> = match named.is_empty() {
         true => link::can_interfaces(&root.join("sys/class/net")),
-        false => args.sources.iter().filter_map(interface).collect(),
+        false => named.iter().filter_map(interface).collect(),
     };
-    let sources = match args.sources.is_empty() {
+    let sources = match named.is_empty() {
         true => names.iter().map(|name| can(name)).collect::<Result<_, _>>()?,
-        false => args.sources.clone(),
+        false => named,
     };
     refuse_shared(&sources, args, answers)?;
     let mut usable = Vec::new();

@@ -112,6 +112,14 @@ fn the_layout_file_that_is_named_is_beside_the_configuration_and_goes_with_it_to
 }
 
 #[test]
+fn a_source_that_is_named_twice_is_one_bus() {
+    let (dir, log) = recording("uskin-module");
+    let (_, said) = succeeds(&dir, &["setup", "--yes", "--layout", "new", &log, &log]);
+    let layout = Layout::load(&dir.path().join("hand.toml")).unwrap();
+    assert_eq!(layout.buses.len(), 1, "{said}");
+}
+
+#[test]
 fn a_dry_run_writes_nothing_and_prints_all_of_it() {
     let (dir, log) = recording("uskin-module");
     let arguments = ["setup", "--yes", "--dry-run", "--layout", "new", &log];
