@@ -395,6 +395,15 @@ fn a_daemon_that_hangs_is_an_error_and_its_bus_left_alone() {
         "{found}: {mend}"
     );
     assert!(checks.iter().all(|c| c["area"] != "hand"), "{checks:?}");
+    // Where a daemon of this user is looked for.
+    let mut scan = taxel(&dir, &["doctor", "--scan", "--start", "udp::43990?hops=0"]);
+    let output = scan.env("RUNTIME_DIRECTORY", dir.path()).output().unwrap();
+    let told = said(&output);
+    assert!(
+        told.contains("nobody answers: its buses are left alone"),
+        "{told}"
+    );
+    assert_eq!(output.status.code(), Some(1));
 }
 
 #[test]

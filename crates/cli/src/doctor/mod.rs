@@ -54,6 +54,17 @@ pub(crate) fn run(args: &Args) -> anyhow::Result<bool> {
         if let Some(out) = &args.out {
             refuse_existing(out, args.force)?;
         }
+        let is_live = |source: &SourceAddress| !matches!(source, SourceAddress::Log { .. });
+        if args.start && (args.sources.is_empty() || args.sources.iter().any(is_live)) {
+            let socket = taxeld::config::running_socket("status.sock");
+            if let Daemon::Hung = daemon::ask(&socket) {
+                bail!(
+                    "{} is there, and nobody answers: its buses are left alone. Restart the daemon where it hangs, or leave \
+                     --start out, and nothing is sent",
+                    socket.display()
+                );
+            }
+        }
         let scan = scan::Scan {
             sources: &args.sources,
             seconds: args.seconds.as_secs_f64(),
