@@ -221,6 +221,17 @@ def test_a_recording_of_which_nothing_came_that_was_asked_for_fails_and_says_why
     assert bus.returncode == 1 and "no CAN frame came" in bus.stderr, bus.stderr
 
 
+@pytest.mark.parametrize("stop", [signal.SIGTERM, signal.SIGINT])
+def test_a_recording_that_is_stopped_before_anything_came_has_lost_nothing(folder, stop):
+    command = [binary("taxel"), "record", "no.mcap", "--socket", "nobody.sock", "--no-can"]
+    recorder = subprocess.Popen(command, cwd=folder, stderr=subprocess.PIPE, text=True)
+    assert "waiting for it" in recorder.stderr.readline()
+    recorder.send_signal(stop)
+    _, told = recorder.communicate(timeout=30)
+    assert recorder.returncode == 0 and "no file was made" in told, told
+    assert not (folder / "no.mcap").exists()
+
+
 def test_a_part_that_begins_in_a_grasp_gives_the_contacts_that_were_shown(start, lockstep, folder, hand):
     frames = list(grasp(Touches.uneven(hand, seed=4)))
     daemon = start(conditioning=DAEMON_SETTINGS, sweep=SWEEP)

@@ -179,6 +179,10 @@ pub(crate) fn run(args: &Args) -> anyhow::Result<()> {
             "the recording is not whole in its files, since others did not leave them alone while they were made"
         );
     }
+    if interrupt.is_set() && finished.files.is_empty() {
+        // It was told to stop before anything came, and nothing is lost.
+        return Ok(());
+    }
     // A script must not go on as if it had what it asked for.
     match &plan.socket {
         Some(socket) if !finished.is_described => {
