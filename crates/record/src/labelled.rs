@@ -20,6 +20,8 @@ pub struct Labelled {
     pub frames: Vec<Vec<f64>>,
     /// Class of each frame; the same numbers are the same class.
     pub labels: Vec<usize>,
+    /// How many trials each class has, where the first axes of the array say which is which.
+    pub trials: Option<usize>,
     /// Height and width of the image, where the array has them.
     pub image_shape: Option<(usize, usize)>,
 }
@@ -27,7 +29,7 @@ pub struct Labelled {
 impl Labelled {
     /// Reads the array `frames` (or the one named) of a `.npz`, with the array `labels`, T whole numbers.
     /// Without labels the first two axes are class and trial, and a third before height and width is the
-    /// moment, of which the first is taken.
+    /// moment, of which the first is taken; whole numbers whose last axis is 3 are counts, and none of that.
     ///
     /// # Errors
     ///
@@ -44,8 +46,15 @@ impl Labelled {
         }
         let frames = npz.array(array)?;
         let (at, shape) = (frames.at.clone(), frames.shape().to_vec());
+        let are_counts = frames.has_whole_numbers();
         let values = frames.numbers()?;
         let labels = npz.has(LABELS).then(|| labels(npz.array(LABELS)?)).transpose()?;
+        if labels.is_none() && are_counts && shape.last() == Some(&3) {
+            let reason = format!(
+                "{shape:?} whole numbers are x y z counts of each taxel, and nothing says what was touched; expected {EXPECTED}"
+            );
+            return Err(RecordError::unreadable(at, reason));
+        }
         Self::new(at, &shape, &values, labels)
     }
 
@@ -77,6 +86,7 @@ impl Labelled {
             .step_by(every)
             .map(<[f64]>::to_vec)
             .collect();
+        let trials = labels.is_none().then(|| shape[1]);
         let labels = labels.unwrap_or_else(|| (0..frames.len()).map(|n| n / shape[1]).collect());
         if labels.len() != frames.len() {
             let reason = format!("{} labels for {} frames", labels.len(), frames.len());
@@ -86,6 +96,7 @@ impl Labelled {
             name,
             frames,
             labels,
+            trials,
             image_shape,
         })
     }
@@ -123,6 +134,7 @@ mod tests {
         assert_eq!((image.frames.len(), image.image_shape), (2, Some((1, 2))));
         let trials = of(&[2, 3, 1, 2], None).unwrap();
         assert_eq!(trials.labels, [0, 0, 0, 1, 1, 1]);
+        assert_eq!((image.trials, trials.trials), (None, Some(3)));
         let moments = of(&[2, 2, 3, 1, 2], None).unwrap();
         assert_eq!(moments.labels, [0, 0, 1, 1]);
         assert_eq!(
@@ -163,6 +175,24 @@ mod tests {
             message.contains("elements are U4; a label is a whole number"),
             "{message}"
         );
+    }
+
+    #[test]
+    fn counts_without_labels_are_no_trials() {
+        let dir = tempfile::TempDir::new().unwrap();
+        let path = dir.path().join("counts.npz");
+        let mut npz = ndarray_npy::NpzWriter::new(std::fs::File::create(&path).unwrap());
+        npz.add_array("frames", &ndarray::Array4::<u16>::ones((20, 4, 2, 3)))
+            .unwrap();
+        npz.add_array("forces", &ndarray::Array4::<f64>::ones((20, 4, 2, 3)))
+            .unwrap();
+        npz.finish().unwrap();
+        let message = Labelled::open(&path, None).unwrap_err().to_string();
+        assert!(
+            message.contains("[20, 4, 2, 3] whole numbers are x y z counts") && message.contains("`labels`"),
+            "{message}"
+        );
+        assert_eq!(Labelled::open(&path, Some("forces")).unwrap().trials, Some(4));
     }
 
     #[test]

@@ -204,6 +204,12 @@ impl<R: Read> Array<R> {
         format!("{} {}", show_shape(self.shape()), self.dtype())
     }
 
+    /// Whether its elements are integers.
+    pub(crate) fn has_whole_numbers(&self) -> bool {
+        let kind = self.element.map(|element| element.kind);
+        matches!(kind, Some(Kind::Unsigned | Kind::Signed))
+    }
+
     /// Whether its elements are numbers.
     pub(crate) fn has_numbers(&self) -> bool {
         self.element.is_some()

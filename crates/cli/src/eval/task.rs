@@ -81,6 +81,15 @@ pub(super) fn run(args: &Args, csv: Option<OutputFile>, figure: Option<OutputFil
         threshold,
     )
     .with_context(|| labelled.name.clone())?;
+    eprintln!(
+        "taxel: {}: taken for {} classes of {}",
+        labelled.name,
+        task.classes(),
+        match labelled.trials {
+            Some(trials) => format!("{trials} trials"),
+            None => format!("{} frames with labels", task.len()),
+        }
+    );
     let is_shown = |force: &f64| *force > threshold && (FORCE_MIN..=FORCE_MAX).contains(force);
     if !labelled.frames.iter().flatten().any(is_shown) {
         bail!(
@@ -103,6 +112,8 @@ pub(super) fn run(args: &Args, csv: Option<OutputFile>, figure: Option<OutputFil
         ((1 + 2 * SIZES.len()) * (controls + displays) + displays) as u64,
         "ways to show it",
     );
+    // The first of many classes takes long.
+    progress.advance_to(0);
     let mut rows = Vec::new();
     for (name, shown) in ways.controls.iter().chain(&ways.displays) {
         rows.push(task.judge(name, shown).with_context(|| name.clone())?);

@@ -1,7 +1,7 @@
 //! `taxel eval --task`.
 
 use crate::{fails, succeeds};
-use ndarray::{Array1, Array3};
+use ndarray::{Array1, Array3, Array4};
 use serde_json::Value;
 use std::path::Path;
 use tempfile::TempDir;
@@ -127,4 +127,35 @@ fn a_task_without_a_force_to_show_says_what_to_do() {
             "{err}"
         );
     }
+}
+
+#[test]
+fn counts_are_no_trials_and_it_is_said_what_a_file_is_taken_for() {
+    let dir = TempDir::new().unwrap();
+    let write = |name: &str, frames: &Array4<f64>| {
+        let mut npz = ndarray_npy::NpzWriter::new(std::fs::File::create(dir.path().join(name)).unwrap());
+        npz.add_array("frames", &frames.mapv(|count| count as u16))
+            .unwrap();
+        npz.finish().unwrap();
+    };
+    write("counts.npz", &Array4::from_elem((200, 8, 8, 3), 9.0));
+    let err = fails(&dir, &["eval", "counts.npz", "--task"], 1);
+    assert!(
+        err.contains("[200, 8, 8, 3] whole numbers are x y z counts") && !err.contains("taken for"),
+        "{err}"
+    );
+    let pressed = |(class, trial, y, x): (usize, usize, usize, usize)| match (y, x) == (class, class) {
+        true => 50.0 + trial as f64,
+        false => 1.0,
+    };
+    write("trials.npz", &Array4::from_shape_fn((2, 4, 4, 4), pressed));
+    let task = ["--task", "--method", "paper"];
+    let (_, err) = succeeds(&dir, &[&["eval", "trials.npz"], &task[..]].concat());
+    assert!(err.contains("taken for 2 classes of 4 trials"), "{err}");
+    objects(&dir.path().join("objects.npz"));
+    let (_, err) = succeeds(&dir, &[&["eval", "objects.npz"], &task[..]].concat());
+    assert!(
+        err.contains("taken for 2 classes of 16 frames with labels"),
+        "{err}"
+    );
 }
