@@ -7,7 +7,7 @@ use crate::offline::OfflineArgs;
 use crate::out_of_use::OutOfUse;
 use crate::wrong_use;
 use anyhow::bail;
-use clap::builder::TypedValueParser;
+use clap::builder::{PathBufValueParser, TypedValueParser};
 use serde_json::json;
 use std::io::Write;
 use std::path::{Path, PathBuf};
@@ -49,7 +49,7 @@ pub(crate) struct Args {
     #[command(flatten)]
     offline: OfflineArgs,
     /// Where the images go: .npz, .npy, .csv, .jsonl or .bin; - for JSON lines on stdout
-    #[arg(long, value_name = "FILE")]
+    #[arg(long, value_name = "FILE", value_parser = image_file_parser())]
     out: PathBuf,
     #[arg(long, value_name = "METHOD", value_parser = method_parser(), hide_possible_values = true, help = format!("How frames are compressed: {}; paper has the publication's conditioning too, unless told otherwise", methods()))]
     method: Option<Method>,
@@ -64,6 +64,15 @@ pub(crate) struct Args {
     /// One JSON object on stdout in the end: how many images there are, and of which kinds
     #[arg(long)]
     json: bool,
+}
+
+/// Reads the path of a file of images, whose ending tells the format.
+fn image_file_parser() -> impl TypedValueParser<Value = PathBuf> {
+    PathBufValueParser::new().try_map(|path| {
+        OutputFormat::of(&path)
+            .map(|_| path)
+            .map_err(|error| error.to_string())
+    })
 }
 
 /// The names of the methods, those that the compression has.
@@ -97,6 +106,7 @@ pub(crate) fn run(args: &Args) -> anyhow::Result<()> {
             "--json: the images go to stdout already; give --out a file",
         ));
     }
+    let frames = args.frames.as_deref().map(frame_format).transpose()?;
     let outputs: Vec<&Path> = [&args.out]
         .into_iter()
         .chain(&args.learn_codebook)
@@ -121,10 +131,8 @@ pub(crate) fn run(args: &Args) -> anyhow::Result<()> {
     }
     let interrupt = Interrupt::install()?;
     let mut run = Run {
-        raw: args
-            .frames
-            .as_deref()
-            .map(|path| RawFrames::create(path, &config.layout, input.image_shape()))
+        raw: (args.frames.as_deref().zip(frames))
+            .map(|(path, format)| RawFrames::create(path, format, &config.layout, input.image_shape()))
             .transpose()?,
         output: ImageOutput::create(&args.out, format, &config.layout, &config.profile)?,
         frames: args.learn_codebook.as_ref().map(|_| Vec::new()),
@@ -269,6 +277,20 @@ impl Run {
     }
 }
 
+/// The format of a file for --frames.
+fn frame_format(path: &Path) -> anyhow::Result<FrameFormat> {
+    let ending = path.extension().and_then(|ending| ending.to_str());
+    let format =
+        FrameFormat::of_ending(&ending.unwrap_or_default().to_ascii_lowercase()).ok_or_else(|| {
+            wrong_use(format!(
+                "--frames {}: frames are written as .csv, .npz or .parquet",
+                path.display()
+            ))
+        })?;
+    format.check(path)?;
+    Ok(format)
+}
+
 /// A file of tactile frames.
 struct RawFrames {
     whole: OutputFile,
@@ -277,16 +299,12 @@ struct RawFrames {
 }
 
 impl RawFrames {
-    fn create(path: &Path, layout: &Layout, image: Option<(usize, usize)>) -> anyhow::Result<Self> {
-        let ending = path.extension().and_then(|ending| ending.to_str());
-        let ending = ending.unwrap_or_default().to_ascii_lowercase();
-        let Some(format) = FrameFormat::of_ending(&ending) else {
-            bail!(
-                "--frames {}: frames are written as .csv, .npz or .parquet",
-                path.display()
-            );
-        };
-        format.check(path)?;
+    fn create(
+        path: &Path,
+        format: FrameFormat,
+        layout: &Layout,
+        image: Option<(usize, usize)>,
+    ) -> anyhow::Result<Self> {
         let whole = OutputFile::begin(path)?;
         Ok(Self {
             output: FrameOutput::create(whole.path(), format, image),

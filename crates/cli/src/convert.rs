@@ -80,10 +80,10 @@ pub(crate) fn run(args: &Args) -> anyhow::Result<()> {
     }
     let format = FrameFormat::of_ending(&ending);
     if format.is_none() && !["log", "mcap"].contains(&ending.as_str()) {
-        bail!(
+        return Err(wrong_use(format!(
             "{}: a recording is written as .log, .mcap, .npz, .csv or .parquet, or as candump lines to -",
             out.display()
-        );
+        )));
     }
     if let Some(format) = format {
         format.check(out)?;
@@ -140,17 +140,17 @@ fn extract(args: &Args, ending: &str) -> anyhow::Result<()> {
         true => ("images", &["npz", "npy", "csv"]),
         false => ("marks", &["csv"]),
     };
+    if !endings.contains(&ending) {
+        return Err(wrong_use(format!(
+            "{}: {what} are written as .{}",
+            out.display(),
+            endings.join(", .")
+        )));
+    }
     if !args.offline.input.is_mcap() {
         bail!(
             "{}: --{what} is for an .mcap, which alone has them",
             path.display()
-        );
-    }
-    if !endings.contains(&ending) {
-        bail!(
-            "{}: {what} are written as .{}",
-            out.display(),
-            endings.join(", .")
         );
     }
     refuse_overlap(&[out], &args.offline.inputs())?;

@@ -3,12 +3,13 @@
 use crate::piped_file::{layout_parser, recording_parser};
 use anyhow::{Context, bail};
 use std::cell::OnceCell;
+use std::ops::RangeInclusive;
 use std::path::PathBuf;
 use taxel_playback::head::Head;
 use taxel_playback::recorded;
 use taxel_playback::stand_in;
 use taxel_playback::traffic::Traffic;
-use taxel_record::{Columns, ReadOptions, RecordError, Recording, TimeUnit, Void};
+use taxel_record::{Columns, RATES_HZ, ReadOptions, RecordError, Recording, TimeUnit, Void};
 use taxel_sim::Scene;
 use taxel_skin::Layout;
 use taxeld::Config;
@@ -36,7 +37,7 @@ pub(crate) struct InputArgs {
     #[arg(long, value_name = "N", default_value_t = 0)]
     joint_columns: usize,
     /// Frames per second, in place of the times in the file [default: its times; 30 where there are none]
-    #[arg(long, value_name = "HZ")]
+    #[arg(long, value_name = "HZ", value_parser = number("rate of frames", RATES_HZ))]
     rate: Option<f64>,
     /// The first column of a .csv is time, in this unit: s, ms, us or ns; needed where no header calls it t_s, t_ms, t_us or
     /// t_ns
@@ -246,6 +247,23 @@ impl InputArgs {
             .map(Layout::resolve)
             .transpose()
             .context("--layout")
+    }
+}
+
+/// Times in a recording that an option may name, seconds.
+pub(crate) const TIMES_S: RangeInclusive<f64> = 0.0..=1e9;
+
+/// Reads an option's number, which is `what`, within `range`.
+pub(crate) fn number(
+    what: &'static str,
+    range: RangeInclusive<f64>,
+) -> impl Fn(&str) -> Result<f64, String> + Clone + Send + Sync {
+    move |text| {
+        let number = text.trim().parse().ok().filter(|number| range.contains(number));
+        number.ok_or_else(|| match range.clone().into_inner() {
+            (least, f64::MAX) => format!("{text} is no {what}; it is a number from {least} on"),
+            (least, most) => format!("{text} is no {what}; it is a number from {least} to {most}"),
+        })
     }
 }
 

@@ -1,14 +1,16 @@
 //! Recordings as the frames that the daemon would have made of them.
 
-use crate::input::{DEFAULT_LAYOUT, Input, InputArgs, pair};
+use crate::input::{DEFAULT_LAYOUT, Input, InputArgs, number, pair};
 use crate::offered::offering;
 use crate::piped_file::text_parser;
+use crate::wrong_use;
 use anyhow::{Context, bail};
 use clap::builder::TypedValueParser;
+use std::ops::RangeInclusive;
 use std::path::{Path, PathBuf};
 use taxel_can::SourceAddress;
 use taxel_engine::TickMode;
-use taxel_hand::did_you_mean;
+use taxel_hand::{Profile, did_you_mean};
 use taxel_playback::calibrated::at_the_beginning;
 use taxel_playback::log_interfaces::interfaces_of_buses;
 use taxel_playback::pipeline::{Emit, run_counts, run_magnitudes, run_traffic};
@@ -18,6 +20,9 @@ use taxel_record::Recording;
 use taxel_sim::{Scene, with_stand_in_boards};
 use taxel_skin::{Layout, Preset};
 use taxeld::Config;
+
+/// Forces that an option may name.
+const FORCES: RangeInclusive<f64> = 0.0..=f64::MAX;
 
 /// A recording, and how its frames are conditioned and compressed.
 #[derive(Debug, Clone, clap::Args)]
@@ -34,11 +39,11 @@ pub(crate) struct OfflineArgs {
     #[arg(long, value_name = "FILE", value_parser = text_parser())]
     config: Option<PathBuf>,
     /// Magnitudes only: a taxel is in contact above this [default: 0]
-    #[arg(long, value_name = "FORCE")]
+    #[arg(long, value_name = "FORCE", value_parser = number("force", FORCES))]
     pub(crate) threshold: Option<f64>,
     /// Magnitudes only: a taxel in contact stays in contact down to this, so that one at the
     /// threshold does not flicker [default: the threshold]
-    #[arg(long, value_name = "FORCE")]
+    #[arg(long, value_name = "FORCE", value_parser = number("force", FORCES))]
     release: Option<f64>,
     /// Counts only: how they become forces, robust or paper, the publication's equations (1) and (2) [default: the
     /// configuration's, or else that of the method]
@@ -84,6 +89,20 @@ impl OfflineArgs {
         }
     }
 
+    /// The display of the configuration named, or of the defaults, with what is said of it here.
+    pub(crate) fn profile(&self) -> anyhow::Result<Profile> {
+        let profile = self.configured()?.map(|config| config.profile);
+        Ok(self.fitted(profile.unwrap_or_default()))
+    }
+
+    fn fitted(&self, profile: Profile) -> Profile {
+        Profile {
+            levels: self.levels.unwrap_or(profile.levels),
+            actuators: self.actuators.unwrap_or(profile.actuators),
+            ..profile
+        }
+    }
+
     /// The configuration named, or the defaults, for the hand that plays a scene: simulated boards stand in where it has
     /// none.
     pub(crate) fn configure_scene(&self, scene: &Scene) -> anyhow::Result<Config> {
@@ -107,9 +126,7 @@ impl OfflineArgs {
     }
 
     fn fit_display(&self, config: &mut Config) {
-        let profile = &mut config.profile;
-        profile.levels = self.levels.unwrap_or(profile.levels);
-        profile.actuators = self.actuators.unwrap_or(profile.actuators);
+        config.profile = self.fitted(std::mem::take(&mut config.profile));
         config.set_method(config.profile.method, self.conditioning);
     }
 
@@ -232,12 +249,11 @@ impl OfflineArgs {
             );
         }
         let threshold = self.threshold.unwrap_or(0.0);
-        if !(threshold.is_finite() && threshold >= 0.0) {
-            bail!("--threshold {threshold} is no force; it is a number from 0 on");
-        }
         let release = self.release.unwrap_or(threshold);
-        if !(0.0..=threshold).contains(&release) {
-            bail!("--release {release} is not within 0 and --threshold {threshold}");
+        if release > threshold {
+            return Err(wrong_use(format!(
+                "--release {release} is not within 0 and --threshold {threshold}"
+            )));
         }
         let frames = (0..recording.len()).filter_map(|index| recording.magnitudes(index));
         let greatest = frames.flatten().copied().fold(f64::NEG_INFINITY, f64::max);

@@ -10,6 +10,7 @@ use crate::input::DEFAULT_LAYOUT;
 use crate::notices;
 use crate::piped_file::text_parser;
 use crate::seconds::seconds;
+use crate::wrong_use;
 use anyhow::{Context, anyhow, bail};
 use serde_json::json;
 use signal_hook::consts::SIGUSR1;
@@ -126,10 +127,10 @@ fn size(text: &str) -> Result<u64, String> {
 pub(crate) fn run(args: &Args) -> anyhow::Result<()> {
     let ending = args.out.extension();
     if !ending.is_some_and(|ending| ending.eq_ignore_ascii_case("mcap")) {
-        bail!(
+        return Err(wrong_use(format!(
             "{}: a recording is called NAME.mcap; `taxel convert` makes other formats of it",
             args.out.display()
-        );
+        )));
     }
     let config = args.config.as_deref().map(Config::load).transpose()?;
     let config = config.as_ref().zip(args.config.as_deref());
@@ -303,22 +304,26 @@ fn bus(place: usize, text: &str) -> anyhow::Result<CanInput> {
         Some((name, address)) if !name.contains(':') => (Some(name), address),
         _ => (None, text),
     };
-    let address: SourceAddress = address.parse()?;
+    let address: SourceAddress = address.parse().map_err(wrong_use)?;
     let name = match (&address, name) {
         (SourceAddress::Log { .. } | SourceAddress::Sim { .. }, _) => {
-            bail!("--can {text}: a recording or a scene is no bus; name can:INTERFACE or udp:GROUP:PORT")
+            return Err(wrong_use(format!(
+                "--can {text}: a recording or a scene is no bus; name can:INTERFACE or udp:GROUP:PORT"
+            )));
         }
         (SourceAddress::Pressure { .. }, _) => {
-            bail!(
+            return Err(wrong_use(format!(
                 "--can {text}: a pressure array is no bus; its counts are in the raw frames, which are kept"
-            )
+            )));
         }
         (_, Some(name)) => name.to_owned(),
         (SourceAddress::Can { interface }, None) => interface.clone(),
         (SourceAddress::Udp { .. }, None) => format!("can{place}"),
     };
     if name.is_empty() || name.chars().any(char::is_whitespace) {
-        bail!("--can {text}: {name:?} is no name of a bus; it has one character or more, and no blanks");
+        return Err(wrong_use(format!(
+            "--can {text}: {name:?} is no name of a bus; it has one character or more, and no blanks"
+        )));
     }
     Ok(CanInput { name, address })
 }

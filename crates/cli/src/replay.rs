@@ -1,6 +1,6 @@
 //! `taxel replay`: a recording back onto a bus.
 
-use crate::input::{DEFAULT_LAYOUT, Input, InputArgs, pair};
+use crate::input::{DEFAULT_LAYOUT, Input, InputArgs, TIMES_S, number, pair};
 use crate::piped_file::text_parser;
 use crate::wrong_use;
 use anyhow::{Context, anyhow, bail};
@@ -54,10 +54,10 @@ pub(crate) struct Args {
     #[arg(long = "loop")]
     looping: bool,
     /// Begin this far into the recording, seconds
-    #[arg(long, value_name = "S", default_value_t = 0.0)]
+    #[arg(long, value_name = "S", value_parser = number("time in a recording, seconds", TIMES_S), default_value_t = 0.0)]
     start: f64,
     /// End this far into the recording, seconds
-    #[arg(long, value_name = "S")]
+    #[arg(long, value_name = "S", value_parser = number("time in a recording, seconds", TIMES_S))]
     end: Option<f64>,
     /// One JSON object: {"frames", "left_out", "passes", "seconds", "late_ms"}
     #[arg(long)]
@@ -163,20 +163,15 @@ fn is_array(target: &TargetAddress) -> bool {
 impl Args {
     /// The part of the recording to play, nanoseconds from its beginning.
     fn window(&self) -> anyhow::Result<Range<u64>> {
-        let nanoseconds = |option: &str, seconds: f64| match (0.0..1e9).contains(&seconds) {
-            true => Ok((seconds * 1e9).round() as u64),
-            false => bail!("{option} {seconds} is no time in a recording; it is seconds from its beginning"),
-        };
-        let start = nanoseconds("--start", self.start)?;
-        let end = self
-            .end
-            .map_or(Ok(u64::MAX), |seconds| nanoseconds("--end", seconds))?;
+        let nanoseconds = |seconds: f64| (seconds * 1e9).round() as u64;
+        let start = nanoseconds(self.start);
+        let end = self.end.map_or(u64::MAX, nanoseconds);
         if end <= start {
-            bail!(
+            return Err(wrong_use(format!(
                 "--end {} is not after --start {}",
                 self.end.unwrap_or_default(),
                 self.start
-            );
+            )));
         }
         Ok(start..end)
     }

@@ -6,6 +6,7 @@ use crate::offered::offering;
 use crate::piped_file::layout_parser;
 use crate::scene_marks::SceneMarks;
 use crate::seconds::seconds;
+use crate::wrong_use;
 use anyhow::{Context, anyhow, bail};
 use clap::builder::{StringValueParser, TypedValueParser};
 use serde_json::{Value, json};
@@ -115,7 +116,9 @@ pub(crate) fn run(args: &Args) -> anyhow::Result<()> {
     }
     if args.show {
         if name == play::SCENE {
-            bail!("--show: the scene {name} is a gripper that is simulated, and has no file");
+            return Err(wrong_use(format!(
+                "--show: the scene {name} is a gripper that is simulated, and has no file"
+            )));
         }
         let meant = || did_you_mean(name, built_in());
         let text = Scene::builtin_text(name);
@@ -138,10 +141,10 @@ pub(crate) fn run(args: &Args) -> anyhow::Result<()> {
         });
     }
     if args.potentiometers.is_some() {
-        bail!(
+        return Err(wrong_use(format!(
             "--potentiometers: only the gripper of the scene {} has them",
             play::SCENE
-        );
+        )));
     }
     play_scene(args, name, limit_ns)
 }
@@ -203,16 +206,16 @@ impl Args {
     /// Refuses, beside a log, what moves or marks in real time.
     fn refuse_real_time(&self) -> anyhow::Result<()> {
         if let Some(link) = &self.servos {
-            bail!(
+            return Err(wrong_use(format!(
                 "--servos {}: servos move in real time; a log is written at once and has none",
                 link.display()
-            );
+            )));
         }
         if let Some(socket) = &self.control {
-            bail!(
+            return Err(wrong_use(format!(
                 "--control {}: marks are made in real time; a log is written at once and has none",
                 socket.display()
-            );
+            )));
         }
         Ok(())
     }

@@ -43,10 +43,7 @@ impl OutputFormat {
             "csv" => Self::Csv,
             "jsonl" => Self::Jsonl,
             "bin" => Self::Bin,
-            _ => bail!(
-                "--out {}: images are written as .npz, .npy, .csv, .jsonl or .bin, or as JSON lines to -",
-                path.display()
-            ),
+            _ => bail!("images are written as .npz, .npy, .csv, .jsonl or .bin, or as JSON lines to -"),
         })
     }
 }

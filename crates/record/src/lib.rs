@@ -42,4 +42,4 @@ pub use labelled::Labelled;
 pub use npz_writer::{NpzWriter, Number, write_npy};
 pub use number_array::NumberArray;
 pub use recording::{Frames, Recording, TaxelCounts};
-pub use table::{Columns, DEFAULT_RATE_HZ, ReadOptions, TimeUnit, Void};
+pub use table::{Columns, DEFAULT_RATE_HZ, RATES_HZ, ReadOptions, TimeUnit, Void};

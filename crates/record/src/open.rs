@@ -2,7 +2,7 @@
 
 use crate::error::RecordError;
 use crate::recording::Recording;
-use crate::table::{ReadOptions, Void};
+use crate::table::{RATES_HZ, ReadOptions, Void};
 use crate::{csv, npy, npz};
 use std::path::Path;
 
@@ -13,7 +13,7 @@ impl Recording {
     /// Any [`RecordError`]; CAN traffic, such as a candump `.log`, is no sequence of frames and is refused.
     pub fn open(path: &Path, options: &ReadOptions) -> Result<Self, RecordError> {
         if let Some(rate_hz) = options.rate_hz
-            && !(0.001..=100_000.0).contains(&rate_hz)
+            && !RATES_HZ.contains(&rate_hz)
         {
             return Err(RecordError::Rate { rate_hz });
         }

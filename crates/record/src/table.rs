@@ -1,9 +1,12 @@
 //! A file's numbers before it is decided what they mean, and what a caller says of them.
 
+use std::ops::RangeInclusive;
 use std::str::FromStr;
 
 /// The rate assumed where a file records no times and none is given, hertz: the uSkin recordings' own.
 pub const DEFAULT_RATE_HZ: f64 = 30.0;
+/// Rates that frames may have, hertz.
+pub const RATES_HZ: RangeInclusive<f64> = 0.001..=100_000.0;
 
 /// What a file's columns mean, and when its frames were taken, where the file does not say.
 #[derive(Debug, Clone, Default, PartialEq)]
@@ -12,7 +15,7 @@ pub struct ReadOptions {
     pub array: Option<String>,
     /// Says that the columns of a two-dimensional array are raw counts, and in which order.
     pub columns: Option<Columns>,
-    /// Frames per second, 0.001 to 100,000, overriding recorded times; [`DEFAULT_RATE_HZ`] where
+    /// Frames per second, one of [`RATES_HZ`], overriding recorded times; [`DEFAULT_RATE_HZ`] where
     /// neither exists.
     pub rate_hz: Option<f64>,
     /// Says that frames are images of this height and width, so that `T x H x 3` is magnitudes too.

@@ -9,7 +9,9 @@ mod sweep;
 mod touches;
 mod trial;
 
+use crate::input::number;
 use crate::piped_file::recording_parser;
+use crate::wrong_use;
 use anyhow::{Context, bail, ensure};
 use clap::ValueEnum;
 use clap::builder::TypedValueParser;
@@ -24,7 +26,7 @@ use taxel_palpation::{
     Agreement, Categories, Classifier, Matrix, Pca, Silhouette, Solver, clusters_by_silhouette, optimal,
     paper, stability,
 };
-use taxel_record::{Columns, ReadOptions};
+use taxel_record::{Columns, RATES_HZ, ReadOptions};
 use taxel_sequence::{Aligned, Motion};
 use taxel_skin::Layout;
 pub(crate) use touches::label_of;
@@ -101,7 +103,7 @@ pub(crate) struct Args {
     #[arg(long, value_name = "ORDER", conflicts_with = "live")]
     columns: Option<Columns>,
     /// Frames per second of recordings, in place of the times in them [default: their times; 30 where there are none]
-    #[arg(long, value_name = "HZ", conflicts_with = "live")]
+    #[arg(long, value_name = "HZ", conflicts_with = "live", value_parser = number("rate of frames", RATES_HZ))]
     rate: Option<f64>,
     /// Frames are magnitudes of this height and width, also where the last of the axes is 3 and would be x y z
     #[arg(long, value_name = "grid:HxW", conflicts_with = "live", value_parser = grid)]
@@ -249,15 +251,11 @@ impl Args {
 /// The touches of INPUT.
 fn read(args: &Args) -> anyhow::Result<Set> {
     let input = args.input.as_deref().unwrap_or_default();
-    let motion = args
-        .depth
-        .map(|depth| Motion::new(depth, args.radius))
-        .transpose()?;
-    ensure!(
-        motion.is_some() || args.radius == 0.0,
-        "--radius {} needs --depth",
-        args.radius
-    );
+    let motion = args.depth.map(|depth| Motion::new(depth, args.radius));
+    let motion = motion.transpose().map_err(wrong_use)?;
+    if motion.is_none() && args.radius != 0.0 {
+        return Err(wrong_use(format!("--radius {} needs --depth", args.radius)));
+    }
     let knows_itself = input.starts_with("sim:") || input.to_ascii_lowercase().ends_with(".mcap");
     for (option, is_given) in [
         ("--columns", args.columns.is_some()),
@@ -307,6 +305,13 @@ fn matrix(aligned: &Aligned) -> Matrix {
 }
 
 fn categorize(args: &Args) -> anyhow::Result<(Set, Report)> {
+    if let (Rule::Paper, Some((from, to))) = (args.rule, args.classes)
+        && from != to
+    {
+        return Err(wrong_use(format!(
+            "--rule paper has no way of choosing --classes {from}-{to}; give one number"
+        )));
+    }
     let set = read(args)?;
     let aligned = set.align(args.step)?;
     let touches = matrix(&aligned);
@@ -331,13 +336,10 @@ fn categorize(args: &Args) -> anyhow::Result<(Set, Report)> {
     };
     let (pca, map, explained_variance) = map().with_context(|| set.name.clone())?;
     let (from, to) = args.classes.unwrap_or((2, 2));
-    let categories = match (args.rule, from == to) {
-        (Rule::Optimal, true) => optimal(&map, from, args.seed),
-        (Rule::Optimal, false) => clusters_by_silhouette(&map, from..=to, args.seed),
-        (Rule::Paper, true) => paper(&map, from, args.seed),
-        (Rule::Paper, false) => {
-            bail!("--rule paper has no way of choosing --classes {from}-{to}; give one number")
-        }
+    let categories = match args.rule {
+        Rule::Optimal if from == to => optimal(&map, from, args.seed),
+        Rule::Optimal => clusters_by_silhouette(&map, from..=to, args.seed),
+        Rule::Paper => paper(&map, from, args.seed),
     };
     let categories = categories.with_context(|| set.name.clone())?;
     let classifier = Classifier::new(&pca, &touches, &categories)?;

@@ -14,6 +14,7 @@ use crate::offline::OfflineArgs;
 use crate::out_of_use::OutOfUse;
 use crate::piped_file;
 use crate::sim::recorded_scene_parser;
+use crate::wrong_use;
 use anyhow::{Context, bail};
 use serde::Serialize;
 use std::io::{self, Write};
@@ -160,6 +161,8 @@ struct Frames {
 }
 
 pub(crate) fn run(args: &Args) -> anyhow::Result<()> {
+    // A method that is none is told before the recording is read, which may take long.
+    args.methods(&args.offline.profile()?)?;
     let outputs = [&args.csv, &args.export, &args.times, &args.figure];
     let outputs: Vec<&Path> = outputs.into_iter().flatten().map(PathBuf::as_path).collect();
     refuse_overlap(&outputs, &args.offline.inputs())?;
@@ -334,6 +337,28 @@ fn advice_on_forces<'a>(frames: impl Iterator<Item = &'a [f64]> + Clone, thresho
     format!("the greatest force is {greatest}, and --threshold {threshold} is not below it; give a lower one")
 }
 
+/// Refuses methods that cannot be judged side by side.
+fn refuse_unlike(methods: &[Method]) -> anyhow::Result<()> {
+    let size = |method: &Method| (method.profile.level_count(), method.profile.actuators);
+    let Some(first) = methods.first() else {
+        return Ok(());
+    };
+    if let Some(other) = methods.iter().find(|method| size(method) != size(first)) {
+        return Err(wrong_use(format!(
+            "`{}`: every method has the same levels and actuators here; give them with --levels and --actuators",
+            other.name
+        )));
+    }
+    let coordinates = first.profile.coordinates;
+    if let Some(other) = methods.iter().find(|m| m.profile.coordinates != coordinates) {
+        return Err(wrong_use(format!(
+            "`{}`: every method places actuators in the same coordinates here, and `{}` has others; judge them one by one",
+            other.name, first.name
+        )));
+    }
+    Ok(())
+}
+
 impl Args {
     /// Conditions frames as `paper` does, unless told otherwise, where that is the only method named. Methods that are
     /// compared have the same frames.
@@ -356,8 +381,13 @@ impl Args {
             });
         }
         let parsed = self.method.iter().map(|text| Method::parse(text, base));
+        let methods: Vec<_> = parsed.collect::<Result<_, _>>().map_err(wrong_use)?;
+        match self.task {
+            true => task::refuse_learned(&methods)?,
+            false => refuse_unlike(&methods)?,
+        }
         Ok(Offered {
-            methods: parsed.collect::<Result<_, _>>()?,
+            methods,
             left_out: Vec::new(),
         })
     }
@@ -393,23 +423,7 @@ impl Args {
         let sequence = &frames.sequence;
         let profile = &methods.first().context("no method to judge")?.profile;
         let (levels, actuators) = (profile.level_count(), profile.actuators);
-        if let Some(other) = methods
-            .iter()
-            .find(|m| (m.profile.level_count(), m.profile.actuators) != (levels, actuators))
-        {
-            bail!(
-                "`{}`: every method has the same levels and actuators here; give them with --levels and --actuators",
-                other.name
-            );
-        }
         let coordinates = profile.coordinates;
-        if let Some(other) = methods.iter().find(|m| m.profile.coordinates != coordinates) {
-            bail!(
-                "`{}`: every method places actuators in the same coordinates here, and `{}` has others; judge them one by one",
-                other.name,
-                methods[0].name
-            );
-        }
         let methods = &learned(methods, sequence)[..];
         let passes = self.passes.map_or(20_000 / sequence.len().max(1), |n| n as usize);
         let passes = if self.passes.is_some() {

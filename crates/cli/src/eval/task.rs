@@ -2,6 +2,7 @@
 
 use super::table::{self, wrapped};
 use super::{Args, advice_on_forces};
+use crate::wrong_use;
 use anyhow::{Context, bail};
 use serde::Serialize;
 use std::fmt::Write as _;
@@ -182,6 +183,17 @@ pub(super) fn run(args: &Args, csv: Option<OutputFile>, figure: Option<OutputFil
         .context("stdout")
 }
 
+/// Refuses methods that would learn from all frames.
+pub(super) fn refuse_learned(methods: &[Method]) -> anyhow::Result<()> {
+    match methods.iter().find(|method| method.learned) {
+        Some(method) => Err(wrong_use(format!(
+            "`{}`: frames of a task are compressed one by one; leave codebook=learned out",
+            method.name
+        ))),
+        None => Ok(()),
+    }
+}
+
 impl Args {
     /// The controls are every force, the contacts' forces and a plain grid; then what a display shows.
     fn ways(&self, base: &Profile, layout: &Layout) -> anyhow::Result<Ways> {
@@ -201,12 +213,6 @@ impl Args {
             true => Offered::of(&METHODS, base)?,
             false => self.methods(base)?,
         };
-        if let Some(method) = methods.iter().find(|method| method.learned) {
-            bail!(
-                "`{}`: frames of a task are compressed one by one; leave codebook=learned out",
-                method.name
-            );
-        }
         if self.method.is_empty() && cells <= 256 {
             let profile = Profile {
                 fixed: grid_places(layout, cells),

@@ -6,8 +6,10 @@ mod take;
 mod time_course;
 
 use crate::compress::method_parser;
+use crate::input::{TIMES_S, number};
 use crate::offline::OfflineArgs;
 use crate::out_of_use::OutOfUse;
+use crate::wrong_use;
 use anyhow::{Context, bail};
 use serde_json::json;
 use std::fs;
@@ -47,7 +49,7 @@ pub(crate) struct Args {
     out: PathBuf,
     /// Show the frame of this time, in the seconds that the figures have; may be repeated [default: engaging, tightest,
     /// disengaging]
-    #[arg(long, value_name = "S")]
+    #[arg(long, value_name = "S", value_parser = number("time in a recording, seconds", TIMES_S))]
     at: Vec<f64>,
     /// The module whose time course is drawn [default: the one that is touched first]
     #[arg(long, value_name = "NAME")]
@@ -60,19 +62,18 @@ pub(crate) struct Args {
 }
 
 pub(crate) fn run(args: &Args) -> anyhow::Result<()> {
-    if let Some(at) = args.at.iter().find(|at| !(at.is_finite() && **at >= 0.0)) {
-        bail!("--at {at} is no time in a recording; it is seconds, from 0 on");
-    }
     if args.out.as_os_str() == "-" {
-        bail!("--out -: figures are several files; name a folder for them");
+        return Err(wrong_use(
+            "--out -: figures are several files; name a folder for them",
+        ));
     }
     let paths = args.paths()?;
     let of_one = [("at", !args.at.is_empty()), ("module", args.module.is_some())];
     if let Some((option, _)) = of_one.iter().find(|(_, given)| *given && paths.len() > 1) {
-        bail!(
+        return Err(wrong_use(format!(
             "--{option} is for one recording, and these are {}; the sheet has the tightest frame of each",
             paths.len()
-        );
+        )));
     }
     let names = names(&paths, args.offline.input.array());
     fs::create_dir_all(&args.out).with_context(|| format!("--out {}", args.out.display()))?;

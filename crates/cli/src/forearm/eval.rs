@@ -6,6 +6,7 @@ use super::more::More;
 use super::network_args::NetworkArgs;
 use super::report;
 use super::with_touch::WithTouch;
+use crate::wrong_use;
 #[cfg(feature = "networks")]
 use anyhow::Context;
 use clap::ValueEnum;
@@ -103,9 +104,9 @@ fn paper(
 
 pub(super) fn run(args: &Args) -> anyhow::Result<String> {
     if let Some(option) = args.networks.given().filter(|_| args.method != Method::Paper) {
-        anyhow::bail!(
+        return Err(wrong_use(format!(
             "{option} is of the publication's networks; give it --method paper too, or leave it out"
-        );
+        )));
     }
     let session = super::session(&args.data)?;
     let most = args.squeezes.map_or(usize::MAX, usize::from);

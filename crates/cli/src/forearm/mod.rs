@@ -18,6 +18,7 @@ pub(crate) mod simulate;
 mod touch;
 mod with_touch;
 
+use crate::wrong_use;
 use anyhow::Context;
 use clap::Subcommand;
 use serde::Serialize;
@@ -212,10 +213,11 @@ fn estimate(args: &EstimateArgs) -> anyhow::Result<()> {
         ("--fingers", !args.fingers.is_empty()),
         ("--potentiometers", !args.potentiometers.is_empty()),
     ] {
-        anyhow::ensure!(
-            args.live || !is_given,
-            "{option} is of --live, and files are estimated; leave one of them out"
-        );
+        if is_given && !args.live {
+            return Err(wrong_use(format!(
+                "{option} is of --live, and files are estimated; leave one of them out"
+            )));
+        }
     }
     let model = Model::open(&args.model)?;
     if args.live {

@@ -1,6 +1,7 @@
 //! `taxel sim forearm`: a simulated forearm's touch on the socket of a pressure array, and servos that squeeze it.
 
-use anyhow::{Context, bail};
+use crate::wrong_use;
+use anyhow::Context;
 use std::io::Write;
 use std::path::Path;
 use std::sync::Arc;
@@ -51,13 +52,17 @@ pub(crate) fn run(playing: &Playing<'_>) -> anyhow::Result<()> {
     let mut targets = Targets::open(&named)?;
     let interrupt = Interrupt::install()?;
     match playing.servos {
-        Some(link) if targets.are_logs() => bail!(
-            "--servos {}: servos move in real time; a log is written at once and has none",
-            link.display()
-        ),
+        Some(link) if targets.are_logs() => {
+            return Err(wrong_use(format!(
+                "--servos {}: servos move in real time; a log is written at once and has none",
+                link.display()
+            )));
+        }
         Some(link) => squeeze_by_servos(playing, link, &interrupt, &mut targets)?,
         None if playing.potentiometers.is_some() => {
-            bail!("--potentiometers: they are of the fingers that the servos move; give --servos LINK too")
+            return Err(wrong_use(
+                "--potentiometers: they are of the fingers that the servos move; give --servos LINK too",
+            ));
         }
         None => squeeze_by_itself(playing, &interrupt, &mut targets)?,
     }

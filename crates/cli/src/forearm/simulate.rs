@@ -1,6 +1,6 @@
 //! `taxel forearm simulate`: a session of a simulated forearm, with touch.
 
-use anyhow::ensure;
+use crate::wrong_use;
 use serde_json::json;
 use std::path::PathBuf;
 use taxel_forearm::{PLACES, Ramp, Session, Squeeze, Trial, location_percent};
@@ -40,11 +40,12 @@ pub(crate) struct Args {
 }
 
 pub(crate) fn run(args: &Args) -> anyhow::Result<String> {
-    ensure!(
-        (1..=MOST).contains(&args.repetitions),
-        "--repetitions {}; give 1 to {MOST}",
-        args.repetitions
-    );
+    if !(1..=MOST).contains(&args.repetitions) {
+        return Err(wrong_use(format!(
+            "--repetitions {}; give 1 to {MOST}",
+            args.repetitions
+        )));
+    }
     let mut file = OutputFile::begin(&args.out)?;
     let forearm = SimulatedForearm::new(args.seed, args.profile);
     let session = session(forearm, &(0..PLACES).collect::<Vec<_>>(), args.repetitions)?;

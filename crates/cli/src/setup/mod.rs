@@ -15,6 +15,7 @@ use crate::doctor::link::{self, LinkFacts};
 use crate::doctor::report::{Report, Style};
 use crate::doctor::scan::{self, Bus};
 use crate::seconds::seconds;
+use crate::wrong_use;
 use answers::{Answers, say};
 use anyhow::{Context, bail};
 use hand::Heard;
@@ -314,7 +315,7 @@ fn choose(
     };
     let can_press = heard.sources.iter().all(is_live);
     if args.touch && !can_press {
-        bail!("--touch: nobody can press a recording");
+        return Err(wrong_use("--touch: nobody can press a recording"));
     }
     let press = |proposal: bool| match (args.touch, args.no_touch || !can_press) {
         (true, _) => Ok(true),

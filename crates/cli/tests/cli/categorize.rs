@@ -351,11 +351,12 @@ fn what_cannot_be_categorised_is_named() {
             &["manifest.csv", "--basis", "0,6"],
             "--basis 6: there are touches 0 to 5",
         ),
-        (&["manifest.csv", "--radius", "10"], "--radius 10 needs --depth"),
     ] {
         let err = fails(&dir, &[&["categorize", "--classes", "2"], args].concat(), 1);
         assert!(err.contains(words), "{args:?}: {err}");
     }
+    let alone = ["categorize", "--classes", "2", "manifest.csv", "--radius", "10"];
+    assert!(fails(&dir, &alone, 2).contains("--radius 10 needs --depth"));
     let manifest = std::fs::read_to_string(dir.path().join("manifest.csv")).unwrap();
     write("some.csv", &manifest.replacen(",soft,", ",,", 2));
     let (out, _) = succeeds(&dir, &["categorize", "some.csv", "--classes", "2"]);

@@ -189,7 +189,7 @@ fn frames_are_written_in_the_format_their_file_s_name_tells() {
     let [z, of_csv] = [counts[[times.len() - 1, 239, 2]].to_string(), last[720].into()];
     assert_eq!(z, of_csv);
     for name in ["tap.log.txt", "tap.mcap", "frames"] {
-        let err = fails(&dir, &[&compress[..], &[name]].concat(), 1);
+        let err = fails(&dir, &[&compress[..], &[name]].concat(), 2);
         let wanted = format!("--frames {name}: frames are written as .csv, .npz or .parquet");
         assert!(err.contains(&wanted), "{err}");
         assert!(!dir.path().join(name).exists());
@@ -266,7 +266,7 @@ fn a_magnitude_in_contact_stays_so_down_to_the_release() {
             "{release:?}"
         );
     }
-    let err = fails(&dir, &[&compress[..], &["--release", "30"]].concat(), 1);
+    let err = fails(&dir, &[&compress[..], &["--release", "30"]].concat(), 2);
     assert!(err.contains("--release 30"), "{err}");
 }
 

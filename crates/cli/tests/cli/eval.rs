@@ -144,24 +144,7 @@ fn eval_refuses_what_it_cannot_judge() {
     let dir = TempDir::new().unwrap();
     ndarray_npy::write_npy(dir.path().join("forces.npy"), &Array2::from_elem((2, 16), 1.0)).unwrap();
     for (args, wanted) in [
-        (
-            &["eval", "forces.npy", "--layout", "grid:4x4", "--method", "best"][..],
-            "best",
-        ),
-        (
-            &[
-                "eval",
-                "forces.npy",
-                "--layout",
-                "grid:4x4",
-                "--method",
-                "paper",
-                "--method",
-                "optimal levels=3",
-            ],
-            "--levels",
-        ),
-        (&["eval", "forces.npz", "--task"], "forces.npz"),
+        (&["eval", "forces.npz", "--task"][..], "forces.npz"),
         (
             &["eval", "forces.npz", "--task", "--idle", "3"],
             "--idle says nothing",
@@ -170,6 +153,14 @@ fn eval_refuses_what_it_cannot_judge() {
         (&["eval", "sim:tap", "--tile"], "--tile"),
     ] {
         let err = fails(&dir, args, 1);
+        assert!(err.contains(wanted), "{args:?}: {err}");
+    }
+    for (methods, wanted) in [
+        (&["--method", "best"][..], "best"),
+        (&["--method", "paper", "--method", "optimal levels=3"], "--levels"),
+    ] {
+        let args = [&["eval", "forces.npy", "--layout", "grid:4x4"], methods].concat();
+        let err = fails(&dir, &args, 2);
         assert!(err.contains(wanted), "{args:?}: {err}");
     }
 }
@@ -323,7 +314,7 @@ fn places_are_judged_in_the_coordinates_in_which_they_are_chosen() {
         err.contains("--scaling: `optimal coordinates=hand` on a made-up skin of 4 x 4: profile: "),
         "{err}"
     );
-    let err = fails(&dir, &[&quick[..], &hand, &["--method", "paper"]].concat(), 1);
+    let err = fails(&dir, &[&quick[..], &hand, &["--method", "paper"]].concat(), 2);
     assert!(
         err.contains("`paper`: every method places actuators in the same coordinates here"),
         "{err}"

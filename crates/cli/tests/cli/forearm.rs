@@ -372,7 +372,7 @@ fn options_that_would_do_nothing_are_refused() {
             "--reconnect is of --live",
         ),
     ] {
-        let error = fails(&dir, &[&["forearm"], arguments].concat(), 1);
+        let error = fails(&dir, &[&["forearm"], arguments].concat(), 2);
         assert!(error.contains(words), "{error}");
     }
     for places in ["6", "8", "12", "14", "0"] {

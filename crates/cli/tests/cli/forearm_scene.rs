@@ -29,7 +29,7 @@ fn without_a_terminal_a_squeeze_is_estimated_and_summed_up_as_synthetic() {
         err.contains("no squeeze came to its end; give it --seconds 12"),
         "{err}"
     );
-    let err = fails(&dir, &["demo", "--scene", "forearm", "--actuators", "9"], 1);
+    let err = fails(&dir, &["demo", "--scene", "forearm", "--actuators", "9"], 2);
     assert!(err.contains("--actuators is of hands and displays"), "{err}");
 }
 
@@ -49,7 +49,7 @@ fn a_simulated_session_can_be_trained_on() {
     let err = fails(
         &dir,
         &["forearm", "simulate", "--out", "s.npz", "--repetitions", "0"],
-        1,
+        2,
     );
     assert!(err.contains("--repetitions 0; give 1 to 200"), "{err}");
     let err = fails(

@@ -141,6 +141,77 @@ fn wrong_usage_is_told_from_failure_by_the_exit_code() {
             "give --out a file",
         ),
         (&["convert", "sim:tap", "-", "--json"], "name a file"),
+        (&["figures", "sim:tap", "--out", "-"], "name a folder"),
+        (&["sim", "forearm", "--show"], "has no file"),
+        // None of these recordings is there: what is wrong is told before one is opened.
+        (
+            &["eval", "x.npz", "--rate", "0"],
+            "no rate of frames; it is a number from 0.001",
+        ),
+        (
+            &["categorize", "x.csv", "--classes", "2", "--rate", "nan"],
+            "no rate of frames",
+        ),
+        (&["eval", "x.npz", "--method", "optimal levels=0"], "levels"),
+        (&["eval", "x.npz", "--method", "optimal,foo"], "optimal,foo"),
+        (&["eval", "x.npz", "--method", "optimal foo"], "is no method"),
+        (
+            &[
+                "eval",
+                "x.npz",
+                "--method",
+                "paper",
+                "--method",
+                "optimal levels=3",
+            ],
+            "give them with --levels",
+        ),
+        (
+            &["eval", "x.npz", "--task", "--method", "optimal codebook=learned"],
+            "leave codebook=learned out",
+        ),
+        (
+            &["eval", "x.npz", "--threshold", "nan"],
+            "no force; it is a number from 0 on",
+        ),
+        (
+            &["compress", "x.npz", "--out", "q.txt"],
+            "images are written as .npz",
+        ),
+        (
+            &["compress", "x.npz", "--out", "q.npz", "--frames", "q.txt"],
+            "frames are written as .csv",
+        ),
+        (&["convert", "x.npz", "x.foo"], "a recording is written as .log"),
+        (
+            &["convert", "x.mcap", "x.txt", "--images"],
+            "images are written as .npz",
+        ),
+        (
+            &["figures", "a.npz", "b.npz", "--out", "f", "--at", "1"],
+            "--at is for one recording",
+        ),
+        (
+            &["figures", "a.npz", "b.npz", "--out", "f", "--module", "m"],
+            "--module is for one recording",
+        ),
+        (
+            &["replay", "a.log", "--to", "-", "--start", "5", "--end", "2"],
+            "--end 2 is not after --start 5",
+        ),
+        (
+            &["replay", "a.log", "--to", "-", "--end", "inf"],
+            "no time in a recording",
+        ),
+        (&["record", "a.log"], "a recording is called NAME.mcap"),
+        (
+            &["categorize", "x.csv", "--classes", "2-4", "--rule", "paper"],
+            "give one number",
+        ),
+        (
+            &["categorize", "x.csv", "--classes", "2", "--depth", "0"],
+            "depth",
+        ),
     ] {
         let err = fails(&dir, wrong, 2);
         assert!(err.contains(word), "{wrong:?}: {err}");
@@ -153,12 +224,10 @@ fn wrong_usage_is_told_from_failure_by_the_exit_code() {
 fn what_is_asked_for_in_vain_is_refused_with_what_to_do_and_leaves_no_file() {
     let dir = TempDir::new().unwrap();
     for (wrong, word) in [
-        (&["figures", "sim:tap", "--out", "-"][..], "name a folder"),
-        (&["eval", "sim:tap", "--csv", "-"], "name a file"),
+        (&["eval", "sim:tap", "--csv", "-"][..], "name a file"),
         (&["forearm", "simulate", "--out", "-"], "name a file"),
         (&["sim", "forearn", "--to", "-"], "did you mean `forearm`?"),
         (&["sim", "juggle", "--to", "-"], "marker, forearm\n"),
-        (&["sim", "forearm", "--show"], "has no file"),
         (&["sim", "slipp", "--show"], "did you mean `slip`?"),
         (
             &["demo", "--headless", "--scene", "forearn"],

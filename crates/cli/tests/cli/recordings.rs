@@ -459,11 +459,7 @@ fn what_cannot_be_converted_or_recorded_is_refused_with_what_to_do() {
     std::fs::write(dir.path().join("a.log"), "(1.0) can0 001#\n").unwrap();
     std::fs::write(dir.path().join("there.mcap"), "").unwrap();
     for (args, wanted) in [
-        (
-            &["convert", "a.log", "a.blf"][..],
-            "a.blf: a recording is written as .log, .mcap, .npz, .csv or .parquet",
-        ),
-        (&["convert", "no.mcap", "b.log"], "no.mcap: no MCAP file"),
+        (&["convert", "no.mcap", "b.log"][..], "no.mcap: no MCAP file"),
         (&["convert", "a.log", "a.log"], "overwrite the input"),
         (
             &["convert", "sim:tap", "tap.mcap"],
@@ -472,14 +468,6 @@ fn what_cannot_be_converted_or_recorded_is_refused_with_what_to_do() {
         (
             &["convert", "a.log", "a.npz"],
             "a.log: no reading can be had of it: 1 frame",
-        ),
-        (
-            &["record", "a.log", "--no-can"],
-            "a recording is called NAME.mcap",
-        ),
-        (
-            &["record", "a.mcap", "--no-daemon", "--can", "log:a.log"],
-            "is no bus",
         ),
         (
             &["record", "a.mcap", "--socket", "none.sock"],
@@ -491,6 +479,19 @@ fn what_cannot_be_converted_or_recorded_is_refused_with_what_to_do() {
         ),
     ] {
         let err = fails(&dir, args, 1);
+        assert!(err.contains(wanted), "taxel {args:?}: {err}");
+    }
+    for (args, wanted) in [
+        (
+            &["convert", "a.log", "a.blf"][..],
+            "a.blf: a recording is written as .log, .mcap, .npz, .csv or .parquet",
+        ),
+        (
+            &["record", "a.mcap", "--no-daemon", "--can", "log:a.log"],
+            "is no bus",
+        ),
+    ] {
+        let err = fails(&dir, args, 2);
         assert!(err.contains(wanted), "taxel {args:?}: {err}");
     }
 }

@@ -148,7 +148,6 @@ fn what_cannot_be_done_is_refused_before_anything_is_written() {
         (&["--yes", "--out", "mine.toml"][..], "--force"),
         // Before any question: nobody answers.
         (&["--out", "none/a.toml"], "none/a.toml: No such file"),
-        (&["--yes", "--touch"], "--touch"),
         (&["--yes", "--layout", "allegro-uskin-15"], "--layout new"),
         // Nobody answers.
         (&["--layout", "new", "--no-touch"], "--yes"),
@@ -157,6 +156,11 @@ fn what_cannot_be_done_is_refused_before_anything_is_written() {
         assert!(said.contains(named), "{arguments:?}: {said}");
     }
     assert!(fails(&dir, &["setup", "--yes", "sim:tap"], 1).contains("taxel sim"));
+    let touched = fails(&dir, &["setup", "--yes", "--touch", &log], 2);
+    assert!(
+        touched.contains("--touch: nobody can press a recording"),
+        "{touched}"
+    );
     assert_eq!(fs::read_to_string(dir.path().join("mine.toml")).unwrap(), "mine");
     assert_eq!(fs::read_dir(dir.path()).unwrap().count(), 2);
 }

@@ -5,6 +5,7 @@ mod view;
 use super::Args;
 use crate::forearm::simulate;
 use crate::terminal::{self, Shown};
+use crate::wrong_use;
 use anyhow::{Context, bail};
 use ratatui::Frame;
 use ratatui::crossterm::event::{KeyCode, KeyEvent, KeyEventKind, KeyModifiers};
@@ -210,7 +211,9 @@ pub(super) fn run(args: &Args, headless: bool) -> anyhow::Result<()> {
         ("--conditioning", args.conditioning.is_some()),
     ] {
         if is_given {
-            bail!("{option} is of hands and displays; the scene {SCENE} has neither");
+            return Err(wrong_use(format!(
+                "{option} is of hands and displays; the scene {SCENE} has neither"
+            )));
         }
     }
     let interrupt = Interrupt::install()?;

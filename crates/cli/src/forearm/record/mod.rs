@@ -6,6 +6,7 @@ mod newest;
 mod plan;
 
 use crate::notices;
+use crate::wrong_use;
 use anyhow::{Context, bail};
 use gripper::Gripper;
 use plan::{Next, Plan, Settings};
@@ -104,12 +105,12 @@ const REST: Duration = Duration::from_secs(1);
 pub(crate) fn run(args: &Args) -> anyhow::Result<()> {
     let most = 100.0 * args.ramp.most() / FULL_PWM;
     if most > args.max_pwm {
-        bail!(
+        return Err(wrong_use(format!(
             "this ramp goes up to {most:.0} % of full PWM, and --max-pwm is {}; allow it with --max-pwm {:.0} where the \
              gripper may press so hard",
             args.max_pwm,
             most.ceil()
-        );
+        )));
     }
     let plan = Plan::new(&args.folder, args.places, args.repetitions as usize, args.place)?;
     plan.check(args.ramp, &args.fingers, &args.potentiometers)?;
