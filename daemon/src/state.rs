@@ -1,8 +1,8 @@
 //! What the control thread knows of the hand and of who is shown it, and what it can ask of the other
 //! threads.
 
-use crate::clients::{ChangeLog, Places, Reports};
-use crate::joints::{Hold, Releases, ServoRequest, ServosRequest, Told};
+use crate::clients::{Asker, ChangeLog, Places, Reports};
+use crate::joints::{Hold, Holders, NotDone, Releases, ServoRequest, ServosRequest, Told};
 use crate::snapshot::Snapshot;
 use crate::tick::{Command, PipelineClock, Shared};
 use std::cell::{Cell, Ref, RefCell};
@@ -44,6 +44,8 @@ pub(crate) struct State {
     pub(crate) reports: Reports,
     /// Motors that are to be off and were not confirmed to be.
     releases: Releases,
+    /// Who holds which motors.
+    holders: Holders,
     clock: PipelineClock,
     commands: mpsc::SyncSender<Command>,
     /// The thread that reads joints, where there is one.
@@ -84,6 +86,7 @@ impl State {
             changes: ChangeLog::default(),
             reports: Reports::default(),
             releases: Releases::default(),
+            holders: Holders::default(),
             commands,
             joint_reader,
             started: Instant::now(),
@@ -109,18 +112,22 @@ impl State {
     }
 
     /// Has a servo told something for a client, whose motors are noted in `hold`.
-    pub(crate) async fn write(&self, request: &ServoRequest, hold: &Hold<'_>) -> Result<Told, String> {
+    pub(crate) async fn write(&self, request: &ServoRequest, hold: &Hold<'_>) -> Result<Told, NotDone> {
         crate::joints::write(self.config.joints.as_ref(), hold, request).await
     }
 
-    /// Has several servos told something at once.
-    pub(crate) async fn write_together(&self, request: &ServosRequest) -> Result<Told, String> {
-        crate::joints::write_together(self.config.joints.as_ref(), self.joint_reader.as_ref(), request).await
+    /// Has several servos told something at once for a client.
+    pub(crate) async fn write_together(
+        &self,
+        request: &ServosRequest,
+        hold: &Hold<'_>,
+    ) -> Result<Told, NotDone> {
+        crate::joints::write_together(self.config.joints.as_ref(), hold, request).await
     }
 
     /// For the motors that a client holds.
-    pub(crate) fn hold(&self) -> Hold<'_> {
-        Hold::new(self.joint_reader.as_ref(), &self.releases)
+    pub(crate) fn hold(&self, asker: Asker) -> Hold<'_> {
+        Hold::new(self.joint_reader.as_ref(), &self.releases, &self.holders, asker)
     }
 
     /// What has become of motors that were to be off: sentences for the log.

@@ -2,6 +2,7 @@
 
 import json
 import math
+import os
 import signal
 import subprocess
 import sys
@@ -22,6 +23,7 @@ from harness.gripper import (
     torque_on,
     with_potentiometers,
 )
+from harness.joints import servo
 
 
 def test_both_fingers_take_a_step_together_and_come_to_rest_where_they_are_held(folder, servos):
@@ -110,6 +112,37 @@ def test_a_connection_that_holds_fingers_and_asks_nothing_is_told_that_they_are_
         with control(daemon) as other:
             torque_on(other, "right", 10_000)
         eventually(lambda: registers(servos, TORQUE) == [1, 0], "one is held, the other is not")
+
+
+def test_fingers_are_driven_by_none_but_who_holds_them_until_they_are_switched_off(folder, servos):
+    with (
+        Daemon(folder / "d", SCENE, tick=TICK, joints=gripper(servos.path)) as daemon,
+        control(daemon) as holder,
+        control(daemon) as other,
+    ):
+        daemon.wait_status(lambda s: s["joints"]["readings"] > 20, "nothing is read")
+        both = lambda percent: {"cmd": "servos", "pwm_percent": {"left": percent, "right": percent}}
+        pwm = {"cmd": "servo", "joint": "left", "pwm_percent": 50}
+        who = f"left: it is driven by user {os.getuid()}, process {os.getpid()}, until that lets go"
+        for name in FINGERS:
+            torque_on(holder, name, 10_000)
+        assert ask(holder, both(20)) == {"ok": True}
+        for request in [pwm, {**pwm, "torque": True}, {**pwm, "torque": True, "hold_ms": 500}, both(50)]:
+            refused = ask(other, request)
+            assert not refused["ok"] and refused["error"].startswith(who), refused
+            assert refused["held_by"] == os.getpid()
+        status, said = servo(daemon, "left", "--torque", "on")
+        assert status == 1 and who in said, said
+        assert registers(servos, TORQUE) == [1, 1] and registers(servos, GOAL_PWM) == [177, 177]
+        # Switched off by whom it may be, it is nobody's, and who held it is told so.
+        assert ask(other, {"cmd": "servo", "joint": "left", "torque": False}) == {"ok": True}
+        refused = ask(holder, both(30))
+        assert refused["error"].startswith("left: its motor was") and "held_by" not in refused, refused
+        torque_on(other, "left", 10_000)
+        assert ask(holder, pwm)["error"].startswith(who)
+        # What its first holder leaves behind is the other finger alone.
+        holder.close()
+        eventually(lambda: registers(servos, TORQUE) == [1, 0], "the wrong finger is let go, or none")
 
 
 def test_potentiometers_are_joints_beside_the_servos_and_unknown_when_a_wire_is_off(folder, servos):

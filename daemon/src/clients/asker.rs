@@ -17,7 +17,7 @@ pub(crate) enum Access {
 }
 
 /// Who has connected, as the kernel says, and what the socket allows.
-#[derive(Debug)]
+#[derive(Debug, Clone, Copy)]
 pub(crate) struct Asker {
     pub(crate) access: Access,
     /// User and process; none where the kernel says nothing.
@@ -28,6 +28,19 @@ impl Asker {
     pub(crate) fn of(stream: &UnixStream, access: Access) -> Self {
         let user = stream.peer_cred().ok().map(|peer| (peer.uid(), peer.pid()));
         Self { access, user }
+    }
+
+    /// Their process; none where the kernel says nothing.
+    pub(crate) fn pid(&self) -> Option<i32> {
+        self.user.and_then(|(_, pid)| pid)
+    }
+
+    #[cfg(test)]
+    pub(crate) fn nobody() -> Self {
+        Self {
+            access: Access::Change,
+            user: None,
+        }
     }
 }
 

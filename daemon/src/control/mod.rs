@@ -87,7 +87,7 @@ async fn attend(stream: UnixStream, state: &State, access: Access, place: &Place
     let asker = Asker::of(&stream, access);
     let (read, write) = stream.into_split();
     let talk = Talk {
-        hold: state.hold(),
+        hold: state.hold(asker),
         write,
         replying: Cell::new(false),
         state,

@@ -1,7 +1,7 @@
 //! What can be asked, and the answers.
 
 use crate::clients::{Access, Asker, Change};
-use crate::joints::{Hold, ServoRequest, ServosRequest, Told};
+use crate::joints::{Hold, NotDone, ServoRequest, ServosRequest, Told};
 use crate::state::State;
 use crate::supervise::report_releases;
 use serde::{Deserialize, Serialize};
@@ -121,15 +121,18 @@ pub(super) async fn answer(request: Request, state: &State, asker: &Asker, hold:
     }
     let done = match &request {
         Request::Servo(servo) => state.write(servo, hold).await.map(Done::Told),
-        Request::Servos(servos) => state.write_together(servos).await.map(Done::Told),
+        Request::Servos(servos) => state.write_together(servos, hold).await.map(Done::Told),
         Request::Profile { profile } => {
             let profile = profile.clone().unwrap_or_default();
-            state.server.set_own_profile(profile).await.map(|()| Done::Plain)
+            let replaced = state.server.set_own_profile(profile).await;
+            replaced.map(|()| Done::Plain).map_err(NotDone::from)
         }
-        Request::Mark { text } => (state.mark(text)).map(|(seq, t_ns)| Done::Marked(seq, t_ns)),
-        Request::Rezero {} => state.rezero().map(Done::Rezeroed),
-        Request::Pause {} => state.pause(true).map(|()| Done::Plain),
-        _ => state.pause(false).map(|()| Done::Plain),
+        Request::Mark { text } => (state.mark(text))
+            .map(|(seq, t_ns)| Done::Marked(seq, t_ns))
+            .map_err(NotDone::from),
+        Request::Rezero {} => state.rezero().map(Done::Rezeroed).map_err(NotDone::from),
+        Request::Pause {} => state.pause(true).map(|()| Done::Plain).map_err(NotDone::from),
+        _ => state.pause(false).map(|()| Done::Plain).map_err(NotDone::from),
     };
     let (said, reply) = match done {
         Ok(Done::Plain) => (changed.to_owned(), json!({ "ok": true })),
@@ -152,7 +155,14 @@ pub(super) async fn answer(request: Request, state: &State, asker: &Asker, hold:
             };
             (said, json!({ "ok": true, "contacts": contacts }))
         }
-        Err(error) => (format!("refused: {kind}: {error}"), refusal(error)),
+        Err(NotDone { why, held_by }) => {
+            let said = format!("refused: {kind}: {why}");
+            let mut reply = refusal(why);
+            if let Some(holder) = held_by {
+                reply["held_by"] = holder.pid().into();
+            }
+            (said, reply)
+        }
     };
     let refused = reply["ok"] == false;
     let (change, now) = (Change { kind, refused }, Instant::now());

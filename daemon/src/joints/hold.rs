@@ -1,6 +1,7 @@
 //! Motors that run only as long as the client is there that has had them switched on.
 
 use super::Releases;
+use crate::clients::Asker;
 use std::cell::{Cell, RefCell};
 use std::time::Duration;
 use taxel_joints::JointReader;
@@ -8,16 +9,50 @@ use taxel_joints::bus::WriteCommand;
 use tokio::sync::Notify;
 use tokio::time::{Instant, sleep_until};
 
+/// Which connection holds which motor, at most one each.
+#[derive(Debug, Default)]
+pub(crate) struct Holders {
+    held: RefCell<Vec<Held>>,
+    connections: Cell<u64>,
+}
+
+#[derive(Debug, Clone, Copy)]
+struct Held {
+    joint: usize,
+    /// How long its client may be silent.
+    patience: Duration,
+    /// Number of the connection.
+    by: u64,
+    asker: Asker,
+}
+
 /// The motors that a connection holds. When it is dropped, however the connection ends, they are switched off.
 pub(crate) struct Hold<'a> {
     pub(super) reader: Option<&'a JointReader>,
     pub(super) releases: &'a Releases,
-    /// With how long the client may be silent for each.
-    joints: RefCell<Vec<(usize, Duration)>>,
+    holders: &'a Holders,
+    /// Its number among the connections.
+    number: u64,
+    asker: Asker,
     /// Since when it is the client's turn; `None` where it waits for an answer.
     awaited: Cell<Option<Instant>>,
     has_let_go: Cell<bool>,
     changed: Notify,
+}
+
+/// Why it has not been done.
+#[derive(Debug)]
+pub(crate) struct NotDone {
+    pub(crate) why: String,
+    /// Another client that holds the motor.
+    pub(crate) held_by: Option<Asker>,
+}
+
+impl From<String> for NotDone {
+    fn from(why: String) -> Self {
+        let held_by = None;
+        Self { why, held_by }
+    }
 }
 
 /// Why a client is let go.
@@ -31,11 +66,20 @@ pub(crate) enum Deserted {
 
 impl<'a> Hold<'a> {
     /// None yet.
-    pub(crate) fn new(reader: Option<&'a JointReader>, releases: &'a Releases) -> Self {
+    pub(crate) fn new(
+        reader: Option<&'a JointReader>,
+        releases: &'a Releases,
+        holders: &'a Holders,
+        asker: Asker,
+    ) -> Self {
+        let number = holders.connections.get();
+        holders.connections.set(number + 1);
         Self {
             reader,
             releases,
-            joints: RefCell::default(),
+            holders,
+            number,
+            asker,
             awaited: Cell::default(),
             has_let_go: Cell::default(),
             changed: Notify::new(),
@@ -44,7 +88,29 @@ impl<'a> Hold<'a> {
 
     /// How long the client may be silent; `None` where it holds nothing.
     pub(crate) fn patience(&self) -> Option<Duration> {
-        self.joints.borrow().iter().map(|(_, patience)| *patience).min()
+        let held = self.holders.held.borrow();
+        let own = held.iter().filter(|held| held.by == self.number);
+        own.map(|held| held.patience).min()
+    }
+
+    /// The client that holds this motor, if it is another one.
+    fn other_holder(&self, joint: usize) -> Option<Asker> {
+        let held = self.holders.held.borrow();
+        let mut others = held.iter().filter(|held| held.by != self.number);
+        others.find(|held| held.joint == joint).map(|held| held.asker)
+    }
+
+    /// Refuses to have the motor of a joint of this name told something where another client drives it.
+    pub(super) fn refuse_other(&self, joint: usize, name: &str) -> Result<(), NotDone> {
+        self.other_holder(joint).map_or(Ok(()), |holder| {
+            Err(NotDone {
+                why: format!(
+                    "{name}: it is driven by {holder}, until that lets go, ends or falls silent, or somebody has the motor \
+                     switched off"
+                ),
+                held_by: Some(holder),
+            })
+        })
     }
 
     /// When the client will have been silent for too long; `None` where it holds nothing, or waits for an answer.
@@ -95,11 +161,16 @@ impl<'a> Hold<'a> {
     /// Has the motors switched off: who held them has gone, and is to hold no others.
     pub(crate) fn let_go(&self) {
         self.has_let_go.set(true);
-        let joints = self.joints.take();
+        let mut joints = Vec::new();
+        self.holders.held.borrow_mut().retain(|held| {
+            let is_own = held.by == self.number;
+            joints.extend(is_own.then_some(held.joint));
+            !is_own
+        });
         let Some(servos) = self.reader.and_then(|reader| reader.servos.as_deref()) else {
             return;
         };
-        for (joint, _) in joints {
+        for joint in joints {
             // Refused only where writing is, and then nothing was switched on.
             if let Ok(number) = servos.command(joint, WriteCommand::Torque(false)) {
                 self.releases.let_go(joint, number);
@@ -112,13 +183,19 @@ impl<'a> Hold<'a> {
         self.has_let_go.get()
     }
 
-    /// Notes what a servo is being told, once that was taken: whether it is confirmed or not, the motor may run.
+    /// Notes what a servo is being told, once that was taken: whether it is confirmed or not, the motor may run. Who has it
+    /// switched off ends whosever hold there is.
     pub(super) fn note(&self, joint: usize, command: WriteCommand, hold_ms: Option<f64>) {
-        let mut joints = self.joints.borrow_mut();
+        let mut held = self.holders.held.borrow_mut();
         if command == WriteCommand::Torque(false) || hold_ms.is_some() {
-            joints.retain(|(held, _)| *held != joint);
+            held.retain(|held| held.joint != joint);
         }
-        joints.extend(hold_ms.map(|ms| (joint, Duration::from_secs_f64(ms / 1e3))));
+        held.extend(hold_ms.map(|ms| Held {
+            joint,
+            patience: Duration::from_secs_f64(ms / 1e3),
+            by: self.number,
+            asker: self.asker,
+        }));
         self.changed.notify_waiters();
     }
 }
@@ -169,8 +246,8 @@ mod tests {
             ),
         ];
         for (what, asked, wanted_ms) in cases {
-            let releases = Releases::default();
-            let hold = Hold::new(None, &releases);
+            let (releases, holders) = Default::default();
+            let hold = Hold::new(None, &releases, &holders, Asker::nobody());
             let begun = Instant::now();
             // It is waited for its silence from its first request on.
             let (why, ()) = tokio::join!(biased; hold.deserted(pending()), async {
@@ -194,8 +271,8 @@ mod tests {
             ("an answer", &[(0, ON, Some(20.0))], true),
         ];
         for (what, asked, waits) in cases {
-            let releases = Releases::default();
-            let hold = Hold::new(None, &releases);
+            let (releases, holders) = Default::default();
+            let hold = Hold::new(None, &releases, &holders, Asker::nobody());
             let rest = async {
                 for one in asked {
                     ask(&hold, *one);
@@ -214,8 +291,8 @@ mod tests {
 
     #[tokio::test(start_paused = true)]
     async fn who_has_gone_is_let_go_once_it_holds_something() {
-        let releases = Releases::default();
-        let hold = Hold::new(None, &releases);
+        let (releases, holders) = Default::default();
+        let hold = Hold::new(None, &releases, &holders, Asker::nobody());
         let (why, ()) = tokio::join!(hold.deserted(async {}), async {
             assert!(hold.patience().is_none());
             ask(&hold, (0, ON, Some(10_000.0)));
@@ -223,5 +300,29 @@ mod tests {
         assert_eq!(why, Deserted::Gone);
         hold.let_go();
         assert!(hold.has_let_go() && hold.patience().is_none());
+    }
+
+    #[tokio::test]
+    async fn a_motor_is_held_by_one_client_until_it_lets_go_or_anybody_has_it_switched_off() {
+        let (releases, holders) = Default::default();
+        let one = Hold::new(None, &releases, &holders, Asker::nobody());
+        let other = Hold::new(None, &releases, &holders, Asker::nobody());
+        let is_free = |joint| [&one, &other].map(|hold| is_free_of(hold, joint));
+        ask(&one, (0, ON, Some(200.0)));
+        assert_eq!((is_free(0), is_free(1)), ([true, false], [true, true]));
+        ask(&other, (1, ON, Some(300.0)));
+        assert_eq!(is_free(1), [false, true]);
+        // What somebody else has switched off is held by nobody, and not switched off again when its holder goes.
+        ask(&other, (0, OFF, None));
+        assert_eq!((one.patience(), is_free(0)), (None, [true, true]));
+        ask(&other, (0, ON, Some(400.0)));
+        one.let_go();
+        assert_eq!(is_free(0), [false, true]);
+        drop(other);
+        assert_eq!((is_free_of(&one, 0), is_free_of(&one, 1)), (true, true));
+    }
+
+    fn is_free_of(hold: &Hold<'_>, joint: usize) -> bool {
+        hold.other_holder(joint).is_none()
     }
 }

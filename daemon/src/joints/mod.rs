@@ -6,7 +6,7 @@ mod releases;
 mod status;
 mod write;
 
-pub(crate) use hold::{Deserted, Hold};
+pub(crate) use hold::{Deserted, Hold, Holders, NotDone};
 pub(crate) use releases::Releases;
 pub(crate) use status::{status, summary};
 pub(crate) use write::{ServoRequest, ServosRequest, Told, write, write_together};

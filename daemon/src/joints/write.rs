@@ -1,6 +1,6 @@
 //! The one way in which taxeld moves anything: control requests to servos, where the configuration allows it.
 
-use super::Hold;
+use super::{Hold, NotDone};
 use serde::de::{MapAccess, Visitor};
 use serde::{Deserialize, Deserializer};
 use std::fmt;
@@ -140,10 +140,13 @@ pub(crate) async fn write(
     config: Option<&JointsConfig>,
     hold: &Hold<'_>,
     request: &ServoRequest,
-) -> Result<Told, String> {
+) -> Result<Told, NotDone> {
     let (config, servos) = servos(config, hold.reader)?;
     let (joint, command) = command(config, request)?;
     let is_off = command == WriteCommand::Torque(false);
+    if !is_off {
+        hold.refuse_other(joint, &request.joint)?;
+    }
     let failed = |why: String| format!("{}: {why}", request.joint);
     let number = servos
         .command(joint, command)
@@ -165,9 +168,10 @@ pub(crate) async fn write(
             hold.releases.asked(joint, number);
             return Err(failed(format!(
                 "{why}; it is told again until it confirms that its motor is off"
-            )));
+            ))
+            .into());
         }
-        return Err(failed(why));
+        return Err(failed(why).into());
     }
     let said = match command {
         WriteCommand::Torque(true) | WriteCommand::Start(_) => format!(
@@ -184,13 +188,13 @@ pub(crate) async fn write(
 /// Has several servos given their PWM in one packet, and waits until each has confirmed it.
 pub(crate) async fn write_together(
     config: Option<&JointsConfig>,
-    reader: Option<&JointReader>,
+    hold: &Hold<'_>,
     request: &ServosRequest,
-) -> Result<Told, String> {
-    let (config, servos) = servos(config, reader)?;
+) -> Result<Told, NotDone> {
+    let (config, servos) = servos(config, hold.reader)?;
     let goals = goals(config, request)?;
-    if goals.is_empty() {
-        return Err("pwm_percent names no joint; write {\"pwm_percent\":{\"JOINT\":PERCENT,...}}".into());
+    for (joint, _) in &goals {
+        hold.refuse_other(*joint, &config.servo[*joint].name)?;
     }
     let number = servos
         .command_together(&goals)
@@ -216,7 +220,7 @@ pub(crate) async fn write_together(
             said: format!("joints: {} are given PWM together", names.join(", ")),
             warning: (!warnings.is_empty()).then(|| warnings.join("; ")),
         }),
-        false => Err(failed.join("; ")),
+        false => Err(failed.join("; ").into()),
     }
 }
 
@@ -296,6 +300,9 @@ fn goals(config: &DynamixelConfig, request: &ServosRequest) -> Result<Vec<(usize
         let joint = joint_called(config, name)?;
         goals.push((joint, counts(config, joint, *percent)?));
     }
+    if goals.is_empty() {
+        return Err("pwm_percent names no joint; write {\"pwm_percent\":{\"JOINT\":PERCENT,...}}".into());
+    }
     match check_goals(goals.iter().copied(), config.servo.len()) {
         Err(WriteRefused::Twice(joint)) => {
             let name = &config.servo[joint].name;
@@ -333,7 +340,7 @@ fn command(config: &DynamixelConfig, request: &ServoRequest) -> Result<(usize, W
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::joints::Releases;
+    use crate::clients::Asker;
     use std::sync::Arc;
 
     fn of(joint: &str, torque: Option<bool>, pwm_percent: Option<f64>) -> ServoRequest {
@@ -446,9 +453,9 @@ mod tests {
         ] {
             let mut request = of(joint, Some(true), Some(percent));
             request.hold_ms = Some(100.0);
-            let releases = Releases::default();
-            let hold = Hold::new(Some(&reader), &releases);
-            let refused = write(Some(&joints), &hold, &request).await.unwrap_err();
+            let (releases, holders) = Default::default();
+            let hold = Hold::new(Some(&reader), &releases, &holders, Asker::nobody());
+            let refused = write(Some(&joints), &hold, &request).await.unwrap_err().why;
             assert!(refused.contains(words), "{refused}");
             assert_eq!(hold.patience(), None, "{refused}");
         }
@@ -456,8 +463,8 @@ mod tests {
             panic!("servos");
         };
         config.allow_writes = false;
-        let releases = Releases::default();
-        let hold = Hold::new(Some(&reader), &releases);
+        let (releases, holders) = Default::default();
+        let hold = Hold::new(Some(&reader), &releases, &holders, Asker::nobody());
         let mut request = of("servo 7", Some(true), None);
         request.hold_ms = Some(100.0);
         assert!(write(Some(&joints), &hold, &request).await.is_err());
@@ -469,9 +476,9 @@ mod tests {
         let request = of("thumb 0", Some(true), None);
         let allegro = toml::from_str("source = \"allegro:can2\"\nallegro.version = 4").expect("joints");
         for (config, words) in [(None, "no table [joints]"), (Some(&allegro), "listened to only")] {
-            let releases = Releases::default();
-            let hold = Hold::new(None, &releases);
-            let refused = write(config, &hold, &request).await.unwrap_err();
+            let (releases, holders) = Default::default();
+            let hold = Hold::new(None, &releases, &holders, Asker::nobody());
+            let refused = write(config, &hold, &request).await.unwrap_err().why;
             assert!(refused.contains(words), "{refused}");
         }
     }
