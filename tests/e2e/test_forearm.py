@@ -2,6 +2,7 @@
 
 import json
 import math
+import os
 import signal
 import subprocess
 import threading
@@ -13,6 +14,7 @@ import taxel_reader
 from harness.daemon import Daemon, ask, binary, die_with_parent, eventually
 from harness.gripper import (
     FINGERS,
+    GOAL_PWM,
     PRESENT_PWM,
     SCENE,
     TICK,
@@ -26,16 +28,15 @@ from harness.gripper import (
 )
 
 
-def record(daemon, *arguments, **pipes):
+def record(daemon, *arguments, stdin=subprocess.DEVNULL):
     sockets = ["--socket", daemon.images, "--control", daemon.control_path]
     return subprocess.Popen(
         [binary("taxel"), "forearm", "record", daemon.folder / "session", *sockets, *map(str, arguments)],
         stdout=subprocess.PIPE,
         stderr=subprocess.PIPE,
-        stdin=subprocess.DEVNULL,
+        stdin=stdin,
         text=True,
         preexec_fn=die_with_parent,
-        **pipes,
     )
 
 
@@ -140,6 +141,51 @@ def test_the_gripper_opens_at_a_fault_of_one_finger(folder, servos):
         _, said = process.communicate(timeout=30)
         assert process.returncode == 1 and "right: the servo does not answer" in said, said
         assert registers(servos, TORQUE)[0] == 0
+        assert not list((daemon.folder / "session").glob("*/*"))
+
+
+def test_one_records_in_a_folder_at_a_time_and_what_has_come_there_meanwhile_stays(folder, servos):
+    with Daemon(folder / "d", SCENE, tick=TICK, joints=gripper(servos.path)) as daemon:
+        daemon.wait_status(lambda s: s["joints"]["readings"] > 20, "nothing is read")
+        one = [*ONE[:-1], "--allow-motion"]
+        first = record(daemon, *one, stdin=subprocess.PIPE)
+        while "Enter begins" not in (line := first.stderr.readline()):
+            assert line, "it has ended"
+        second = record(daemon, *one, "--no-wait")
+        _, said = second.communicate(timeout=60)
+        assert second.returncode == 1 and f"(process {first.pid}) is at work in this folder" in said, said
+        there = daemon.folder / "session" / "0" / "distance0_1.mat"
+        there.parent.mkdir()
+        there.write_bytes(b"somebody else's")
+        out, said = first.communicate("\n", timeout=60)
+        assert first.returncode == 0 and out == "" and "all 1 squeezes are there" in said, said
+        assert there.read_bytes() == b"somebody else's" and registers(servos, TORQUE) == [0, 0]
+
+
+def test_a_gripper_that_another_program_drives_is_left_to_it(folder, servos):
+    with (
+        Daemon(folder / "d", SCENE, tick=TICK, joints=gripper(servos.path)) as daemon,
+        control(daemon) as holder,
+    ):
+        daemon.wait_status(lambda s: s["joints"]["readings"] > 20, "nothing is read")
+        for name in FINGERS:
+            torque_on(holder, name, 10_000)
+        over = threading.Event()
+        assert ask(holder, {"cmd": "servos", "pwm_percent": {"left": 20, "right": 20}}) == {"ok": True}
+
+        def go_on():
+            while not over.wait(0.2):
+                ask(holder, {"cmd": "status"})
+
+        driving = threading.Thread(target=go_on)
+        driving.start()
+        process = record(daemon, *WHOLE)
+        _, said = process.communicate(timeout=60)
+        over.set()
+        driving.join()
+        assert process.returncode == 1 and f"left: it is driven by user {os.getuid()}, process {os.getpid()}" in said
+        assert "made again" not in said and "let go:" not in said, said
+        assert registers(servos, TORQUE) == [1, 1] and registers(servos, GOAL_PWM) == [177, 177]
         assert not list((daemon.folder / "session").glob("*/*"))
 
 

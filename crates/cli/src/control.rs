@@ -4,6 +4,7 @@ use anyhow::{Context, anyhow, bail};
 use nix::libc::EPROTOTYPE;
 use serde_json::Value;
 use std::ffi::OsStr;
+use std::fmt;
 use std::io::{self, BufRead, BufReader, ErrorKind, Write};
 use std::os::unix::net::UnixStream;
 use std::path::Path;
@@ -17,6 +18,18 @@ const PATIENCE: Duration = Duration::from_secs(5);
 pub(crate) fn request(socket: &Path, request: &Value) -> anyhow::Result<Value> {
     Connection::open(socket)?.ask(request)
 }
+
+/// A motor is driven by another client of the daemon, in the daemon's words.
+#[derive(Debug)]
+pub(crate) struct Held(String);
+
+impl fmt::Display for Held {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        f.write_str(&self.0)
+    }
+}
+
+impl std::error::Error for Held {}
 
 /// A connection that carries request after request.
 #[derive(Debug)]
@@ -58,7 +71,8 @@ impl Connection {
         Ok(Self(BufReader::new(stream)))
     }
 
-    /// Has the daemon do something and returns its reply; an error is its own words why not.
+    /// Has the daemon do something and returns its reply; an error is its own words why not, [`Held`] where another client
+    /// drives the motor.
     pub(crate) fn ask(&mut self, request: &Value) -> anyhow::Result<Value> {
         match writeln!(self.0.get_mut(), "{request}") {
             // Who has closed it may have said why.
@@ -73,7 +87,13 @@ impl Connection {
         let reply: Value = serde_json::from_str(&reply).context("the daemon's answer")?;
         match reply["ok"].as_bool() {
             Some(true) => Ok(reply),
-            _ => bail!("{}", reply["error"].as_str().unwrap_or("refused")),
+            _ => {
+                let why = reply["error"].as_str().unwrap_or("refused");
+                match reply.get("held_by") {
+                    Some(_) => Err(Held(why.into()).into()),
+                    None => bail!("{why}"),
+                }
+            }
         }
     }
 }

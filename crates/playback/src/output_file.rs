@@ -8,7 +8,7 @@ use std::os::fd::AsFd;
 use std::os::unix::fs::{MetadataExt, PermissionsExt};
 use std::path::{Path, PathBuf};
 use taxel_recorder::parts;
-use tempfile::NamedTempFile;
+use tempfile::{NamedTempFile, PersistError};
 
 /// Refuses outputs that would overwrite one of the inputs, or each other.
 pub fn refuse_overlap(outputs: &[&Path], inputs: &[&Path]) -> anyhow::Result<()> {
@@ -83,6 +83,9 @@ pub struct OutputFile {
     part: Option<NamedTempFile>,
 }
 
+/// How a temporary file gets its name.
+type Persist = fn(NamedTempFile, PathBuf) -> Result<File, PersistError>;
+
 impl OutputFile {
     /// Makes sure that the file can be written, before there is anything to write.
     ///
@@ -151,6 +154,16 @@ impl OutputFile {
         file.finish()
     }
 
+    /// Writes a file whose content is known and that is not there yet. One that has come meanwhile stays as it is.
+    ///
+    /// # Errors
+    /// As all of these have; a file that is there.
+    pub fn write_new(path: &Path, content: impl AsRef<[u8]>) -> anyhow::Result<()> {
+        let mut file = Self::begin(path)?;
+        fs::write(file.path(), content).with_context(|| path.display().to_string())?;
+        file.name(NamedTempFile::persist_noclobber)
+    }
+
     /// The file that it is called until it is whole, where it is called otherwise.
     pub fn part(&self) -> Option<PathBuf> {
         self.part.as_ref().map(|part| part.path().into())
@@ -163,12 +176,16 @@ impl OutputFile {
 
     /// The file is whole: gives it its name.
     pub fn finish(&mut self) -> anyhow::Result<()> {
+        self.name(NamedTempFile::persist)
+    }
+
+    fn name(&mut self, persist: Persist) -> anyhow::Result<()> {
         let Some(part) = self.part.take() else {
             return Ok(());
         };
         let before = part.path().to_owned();
         let synced = part.as_file().sync_all();
-        let named = synced.and_then(|()| Ok(part.persist(&self.path).map(drop)?));
+        let named = synced.and_then(|()| Ok(persist(part, self.path.clone()).map(drop)?));
         named.with_context(|| self.path.display().to_string())?;
         stand_in::forget(&before);
         Ok(())
@@ -215,6 +232,20 @@ mod tests {
         assert_eq!((fs::read(&path).unwrap(), names()), (b"whole".to_vec(), 1));
         // Whoever writes a file again and again for months keeps no name of each.
         assert_eq!(said(), part);
+    }
+
+    #[test]
+    fn a_file_that_is_to_be_new_takes_no_other_s_place() {
+        let dir = TempDir::new().unwrap();
+        let path = dir.path().join("squeeze.mat");
+        OutputFile::write_new(&path, "first").unwrap();
+        let error = format!("{:#}", OutputFile::write_new(&path, "second").unwrap_err());
+        assert!(
+            error.contains("squeeze.mat: ") && error.contains("File exists"),
+            "{error}"
+        );
+        assert_eq!(fs::read(&path).unwrap(), b"first");
+        assert_eq!(fs::read_dir(dir.path()).unwrap().count(), 1);
     }
 
     #[test]

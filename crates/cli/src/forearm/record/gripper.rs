@@ -3,7 +3,7 @@
 use super::super::live::{BEGINS, ENDS, SAMPLE};
 use super::followed::Followed;
 use super::newest::{Joints, Newest};
-use crate::control::{self, Connection};
+use crate::control::{self, Connection, Held};
 use anyhow::{Context, anyhow, bail};
 use serde_json::{Map, Value, json};
 use std::fmt;
@@ -85,8 +85,12 @@ impl Gripper {
     ) -> anyhow::Result<Option<Squeeze>> {
         let mut motors = Motors::of(self)?;
         let made = self.squeeze_with(&mut motors, pwm, period, interrupt);
+        if motors.running == 0 {
+            // Nothing was driven: another program has the gripper.
+            return made;
+        }
         let released = motors.let_go();
-        if !matches!(made, Ok(Some(_))) {
+        if motors.has_begun && !matches!(made, Ok(Some(_))) {
             // Who estimates it live waits for its end. A daemon that is gone has told them already.
             let _ = control::request(&self.control, &mark(ENDS));
         }
@@ -122,7 +126,6 @@ impl Gripper {
         interrupt: &Interrupt,
     ) -> anyhow::Result<Option<Squeeze>> {
         motors.start()?;
-        motors.mark(BEGINS)?;
         let mut due = Instant::now();
         let mut squeeze = Squeeze::default();
         let (mut first_ns, mut newest_ns) = (None, None);
@@ -255,7 +258,10 @@ fn mark(text: &str) -> Value {
 struct Motors<'a> {
     gripper: &'a Gripper,
     daemon: Connection,
-    running: bool,
+    /// So many of the fingers, from the first, may be on.
+    running: usize,
+    /// Whether it was marked that a squeeze begins.
+    has_begun: bool,
 }
 
 impl<'a> Motors<'a> {
@@ -263,19 +269,24 @@ impl<'a> Motors<'a> {
         Ok(Self {
             gripper,
             daemon: Connection::open(&gripper.control)?,
-            running: false,
+            running: 0,
+            has_begun: false,
         })
     }
 
-    /// Switches both on, with no PWM.
+    /// Switches both on, with no PWM, and marks that a squeeze begins.
     fn start(&mut self) -> anyhow::Result<()> {
-        self.running = true;
         for joint in &self.gripper.fingers {
-            self.daemon.ask(&json!({
+            let started = self.daemon.ask(&json!({
                 "cmd": "servo", "joint": joint, "torque": true, "pwm_percent": 0, "hold_ms": HOLD_MS,
-            }))?;
+            }));
+            // One that has not confirmed it may be on; one that another program drives is none of ours.
+            let is_held = (started.as_ref()).is_err_and(|error| error.is::<Held>());
+            self.running += usize::from(!is_held);
+            started?;
         }
-        Ok(())
+        self.has_begun = true;
+        self.mark(BEGINS)
     }
 
     /// Tells whoever reads the daemon's frames what is done with them.
@@ -294,10 +305,10 @@ impl<'a> Motors<'a> {
 
     /// Switches both off.
     fn let_go(&mut self) -> anyhow::Result<()> {
-        self.running = false;
+        let running = std::mem::take(&mut self.running);
         let off = |joint: &String| json!({ "cmd": "servo", "joint": joint, "torque": false });
         let mut done = Ok(());
-        for joint in &self.gripper.fingers {
+        for joint in self.gripper.fingers.iter().take(running) {
             let told = self.daemon.ask(&off(joint)).map(drop);
             // Where this connection is of no use any more, another one may be.
             done = done.and(told.or_else(|_| control::request(&self.gripper.control, &off(joint)).map(drop)));
@@ -308,7 +319,7 @@ impl<'a> Motors<'a> {
 
 impl Drop for Motors<'_> {
     fn drop(&mut self) {
-        if self.running
+        if self.running > 0
             && let Err(error) = self.let_go()
         {
             eprintln!("taxel: the motors may still be on: {error:#}");

@@ -2,13 +2,16 @@
 
 mod followed;
 mod gripper;
+mod lock;
 mod newest;
 mod plan;
 
+use crate::control::Held;
 use crate::notices;
 use crate::wrong_use;
 use anyhow::{Context, bail};
 use gripper::Gripper;
+use lock::Lock;
 use plan::{Next, Plan, Settings};
 use std::io::{BufRead, Write};
 use std::path::PathBuf;
@@ -129,6 +132,7 @@ pub(crate) fn run(args: &Args) -> anyhow::Result<()> {
         .clone()
         .unwrap_or_else(|| taxeld::config::running_socket("images.sock"));
     let gripper = Gripper::find(control, &images, &args.fingers, &args.potentiometers)?;
+    let _lock = Lock::take(&args.folder)?;
     plan.keep(&Settings {
         ramp: args.ramp,
         fingers: gripper.fingers().to_vec(),
@@ -141,6 +145,11 @@ pub(crate) fn run(args: &Args) -> anyhow::Result<()> {
     // The fault before what it may have left behind.
     let kept = keep_npz(args, &plan);
     recorded.and(kept)
+}
+
+/// How long a step of a ramp lasts.
+fn period(ramp: Ramp) -> Duration {
+    Duration::from_secs_f64(ramp.period_ms() / 1e3)
 }
 
 /// All squeezes of the folder in one file, where that is wanted.
@@ -166,23 +175,29 @@ fn session(args: &Args, plan: &Plan, gripper: &Gripper, interrupt: &Interrupt) -
     let mut faults = 0;
     while let Some(next) = plan.next() {
         if at != Some(next.place) {
-            at = Some(next.place);
             eprintln!("taxel: {next}. Put the gripper there, open, with the forearm in it.");
             if !args.no_wait && !keys.wait_for_enter(interrupt)? {
                 return stopped(plan);
+            }
+            at = Some(next.place);
+            // Meanwhile it may have come from elsewhere.
+            if plan.next().as_ref() != Some(&next) {
+                continue;
             }
         } else if !interrupt.sleep_until(Instant::now() + REST) {
             return stopped(plan);
         }
         let pwm = args.ramp.pwm(next.repetition as u64);
-        let period = Duration::from_secs_f64(args.ramp.period_ms() / 1e3);
-        let made = gripper.squeeze(&pwm, period, interrupt).with_context(|| {
-            format!("{next}; this squeeze is not kept, and the same command makes it again")
-        });
+        let made = gripper
+            .squeeze(&pwm, period(args.ramp), interrupt)
+            .with_context(|| {
+                format!("{next}; this squeeze is not kept, and the same command makes it again")
+            });
         let squeeze = match made {
             Ok(Some(squeeze)) => squeeze,
             Ok(None) => return stopped(plan),
-            Err(fault) if faults < args.again => {
+            // Who else has the gripper is not to be waited for.
+            Err(fault) if faults < args.again && !fault.is::<Held>() => {
                 faults += 1;
                 // The next one may be of the same kind.
                 notices::say(&format!(

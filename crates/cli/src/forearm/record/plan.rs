@@ -173,17 +173,23 @@ impl Plan {
         self.places.len() * self.repetitions
     }
 
-    /// Writes a squeeze, whole or not at all, its tactile images in a file beside it.
+    /// Writes a squeeze, whole or not at all, its tactile images in a file beside it. One that is there by now stays.
     pub(super) fn write(&self, next: &Next, squeeze: &Squeeze) -> anyhow::Result<()> {
         if let Some(folder) = next.file.parent() {
             fs::create_dir_all(folder).with_context(|| folder.display().to_string())?;
+        }
+        if next.file.exists() {
+            bail!(
+                "{}: somebody else has put this squeeze there meanwhile; theirs stays, and this one is not kept",
+                next.file.display()
+            );
         }
         // The squeeze is there when its angles are.
         if let Some(images) = squeeze.to_npy() {
             let beside = touch_file(next.place, next.repetition);
             OutputFile::write(&next.file.with_file_name(beside), images)?;
         }
-        OutputFile::write(&next.file, squeeze.to_mat())
+        OutputFile::write_new(&next.file, squeeze.to_mat())
     }
 
     fn squeezes(&self) -> impl Iterator<Item = Next> + '_ {
@@ -280,6 +286,11 @@ mod tests {
         assert_eq!(session.trials[0].squeeze.theta_p_deg, squeeze().theta_p_deg);
         assert!(session.has_touch());
         assert_eq!(session.trials[4].squeeze.tactile, squeeze().tactile);
+        // What is there stays.
+        let first = plan.squeezes().next().unwrap();
+        let error = plan.write(&first, &squeeze().prefix(2)).unwrap_err().to_string();
+        assert!(error.contains("distance0_1.mat: somebody else"), "{error}");
+        assert_eq!(Session::open(&folder).unwrap().trials[0].squeeze.len(), 3);
         // One whose images are of another squeeze is refused.
         let other = squeeze().prefix(2).to_npy().unwrap();
         std::fs::write(folder.join("0/tactile0_1.npy"), other).unwrap();
