@@ -189,6 +189,15 @@ def test_a_gripper_that_another_program_drives_is_left_to_it(folder, servos):
         assert not list((daemon.folder / "session").glob("*/*"))
 
 
+def test_a_daemon_that_is_slower_than_the_steps_of_a_squeeze_is_refused(folder, servos):
+    with Daemon(folder / "d", SCENE, tick={"rate_hz": 5.0}, joints=gripper(servos.path)) as daemon:
+        daemon.wait_status(lambda s: s["joints"]["readings"] > 20, "nothing is read")
+        process = record(daemon, *WHOLE)
+        _, said = process.communicate(timeout=60)
+        assert process.returncode == 1 and "a step of this ramp lasts 121 ms; it takes 8.3 frames per second" in said, said
+        assert registers(servos, TORQUE) == [0, 0]
+
+
 def test_a_squeeze_that_a_fault_has_ended_is_made_again_where_that_is_wanted(folder, servos):
     with Daemon(folder / "d", SCENE, tick=TICK, joints=gripper(servos.path)) as daemon:
         daemon.wait_status(lambda s: s["joints"]["readings"] > 20, "nothing is read")

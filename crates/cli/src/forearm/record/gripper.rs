@@ -15,6 +15,8 @@ use taxel_wire::status::{JointsStatus, Status};
 
 /// After so long without a request the daemon lets the motors go: eight samples.
 const HOLD_MS: f64 = 1000.0;
+/// A step may last for so many of its periods: twice, where angles of its sample are waited for, and what a busy machine adds.
+const MOST_PERIODS: u32 = 3;
 /// A finger that has moved less than this, degrees, has not squeezed.
 const MOVED_DEG: f64 = 1.0;
 
@@ -73,6 +75,21 @@ impl Gripper {
     /// Whether the hand has a tactile finger, whose images are kept.
     pub(super) fn has_touch(&self) -> bool {
         self.newest.has_touch()
+    }
+
+    /// Refuses a daemon whose frames come less often than steps of this length, which would each last as long as a frame.
+    pub(super) fn keeps_up(&self, period: Duration) -> anyhow::Result<()> {
+        let interval = self.newest.interval(period)?;
+        if interval > period {
+            bail!(
+                "the daemon's frames come every {:.0} ms, and a step of this ramp lasts {:.0} ms; it takes {:.1} frames per \
+                 second at least ([tick] of the daemon's configuration)",
+                1e3 * interval.as_secs_f64(),
+                1e3 * period.as_secs_f64(),
+                1.0 / period.as_secs_f64()
+            );
+        }
+        Ok(())
     }
 
     /// Squeezes and releases with this PWM, counts of 885, one sample after another; `None` where it was asked to stop.
@@ -136,6 +153,7 @@ impl Gripper {
             .map(|(name, joint)| Followed::new(name, *joint, false))
             .collect();
         for pwm in pwm {
+            let began = Instant::now();
             motors.mark(&format!("{SAMPLE}{pwm}"))?;
             motors.drive(*pwm)?;
             // The finger has until the next step to come to rest.
@@ -149,6 +167,7 @@ impl Gripper {
                 .newest
                 .after(newest_ns, |joints| !self.has_late(joints), period)?;
             newest_ns = Some(joints.t_ns);
+            check_step(began.elapsed(), period)?;
             let time_ms = joints.t_ns.saturating_sub(*first_ns.get_or_insert(joints.t_ns)) as f64 / 1e6;
             squeeze.push(Sample {
                 time_ms,
@@ -205,6 +224,18 @@ impl fmt::Display for Gripper {
             self.watchdog_ms
         )
     }
+}
+
+/// Refuses a step that is none of the ramp any more: the forearm would be pressed for longer than was said.
+fn check_step(lasted: Duration, period: Duration) -> anyhow::Result<()> {
+    if lasted > MOST_PERIODS * period {
+        bail!(
+            "a step of {:.0} ms has lasted {:.0} ms; the daemon or this machine does not keep up",
+            1e3 * period.as_secs_f64(),
+            1e3 * lasted.as_secs_f64()
+        );
+    }
+    Ok(())
 }
 
 /// The joints of these names, or the first that fit.
@@ -324,5 +355,20 @@ impl Drop for Motors<'_> {
         {
             eprintln!("taxel: the motors may still be on: {error:#}");
         }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_step_that_lasts_far_longer_than_its_period_ends_the_squeeze() {
+        let ms = Duration::from_millis;
+        for lasted_ms in [121, 242, 363] {
+            check_step(ms(lasted_ms), ms(121)).unwrap();
+        }
+        let error = check_step(ms(500), ms(121)).unwrap_err().to_string();
+        assert!(error.starts_with("a step of 121 ms has lasted 500 ms"), "{error}");
     }
 }

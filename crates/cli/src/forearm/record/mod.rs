@@ -132,6 +132,7 @@ pub(crate) fn run(args: &Args) -> anyhow::Result<()> {
         .clone()
         .unwrap_or_else(|| taxeld::config::running_socket("images.sock"));
     let gripper = Gripper::find(control, &images, &args.fingers, &args.potentiometers)?;
+    gripper.keeps_up(period(args.ramp))?;
     let _lock = Lock::take(&args.folder)?;
     plan.keep(&Settings {
         ramp: args.ramp,

@@ -61,6 +61,8 @@ pub(super) struct Newest(Arc<Shared>);
 /// A daemon that sends no frame for so long is no help.
 const STALE: Duration = Duration::from_secs(1);
 const FIRST: Duration = Duration::from_secs(5);
+/// A machine that stands still for a moment makes one of these long.
+const INTERVALS: usize = 3;
 
 impl Newest {
     /// Subscribes to a daemon, and waits for its first frame.
@@ -135,6 +137,21 @@ impl Newest {
             self.0
                 .wait_for_another(Some(joints.t_ns), most.saturating_sub(began.elapsed()));
         }
+    }
+
+    /// The shortest time between two frames among the next few, as soon as it is no longer than `enough`.
+    pub(super) fn interval(&self, enough: Duration) -> anyhow::Result<Duration> {
+        let mut before_ns = self.joints()?.t_ns;
+        let mut shortest = Duration::MAX;
+        for _ in 0..INTERVALS {
+            let t_ns = self.after(Some(before_ns), |_| true, Duration::ZERO)?.t_ns;
+            shortest = shortest.min(Duration::from_nanos(t_ns - before_ns));
+            if shortest <= enough {
+                break;
+            }
+            before_ns = t_ns;
+        }
+        Ok(shortest)
     }
 
     /// The newest frame's; an error where the daemon has ended or sends nothing.
