@@ -27,6 +27,7 @@ mod supervise;
 mod tick;
 
 pub use arguments::Arguments;
+pub use realtime::set_fifo;
 pub use sources::{left_out, open_array};
 pub use start_error::{StartError, check, left_to_service};
 pub use taxel_config::{self as config, Config, ConfigError};

@@ -6,7 +6,10 @@ use std::io;
 
 /// Puts the calling thread under `SCHED_FIFO` at `priority` (1 to 99), and not those that it starts. Needs
 /// `LimitRTPRIO` or `CAP_SYS_NICE`.
-pub(crate) fn set_fifo(priority: u8) -> io::Result<()> {
+///
+/// # Errors
+/// The system does not allow it.
+pub fn set_fifo(priority: u8) -> io::Result<()> {
     set_policy(nix::libc::SCHED_FIFO, priority)
 }
 

@@ -72,4 +72,25 @@ pub trait Estimator {
     /// # Errors
     /// A squeeze that is too short or damaged, or of another gripper.
     fn estimate(&self, squeeze: &Squeeze) -> Result<Estimate, ForearmError>;
+
+    /// The same of a squeeze that goes on, equal to the bit, without looking at its earlier images again: what was seen in
+    /// them is kept in `seen`, which is new for each squeeze.
+    ///
+    /// # Errors
+    /// As [`Estimator::estimate`].
+    fn follow(&self, squeeze: &Squeeze, seen: &mut Seen) -> Result<Estimate, ForearmError> {
+        let _ = seen;
+        self.estimate(squeeze)
+    }
+}
+
+/// What an estimator has seen in the images of a squeeze so far.
+#[derive(Debug, Default, Clone, PartialEq)]
+pub struct Seen {
+    /// Components of each row's image, row after row.
+    pub(crate) scores: Vec<f64>,
+    /// What they leave of each row's squares.
+    pub(crate) rests: Vec<f64>,
+    /// Total of each row's image.
+    pub(crate) totals: Vec<f64>,
 }

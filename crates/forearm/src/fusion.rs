@@ -1,7 +1,7 @@
 //! Angles and touch together.
 
 use crate::error::ForearmError;
-use crate::estimate::{Estimate, Estimator, Source};
+use crate::estimate::{Estimate, Estimator, Seen, Source};
 use crate::kinesthetic::Kinesthetic;
 use crate::session::Trial;
 use crate::squeeze::Squeeze;
@@ -114,8 +114,12 @@ pub struct Fused {
 
 impl Estimator for Fused {
     fn estimate(&self, squeeze: &Squeeze) -> Result<Estimate, ForearmError> {
-        self.fusion
-            .fuse(self.kinesthetic.estimate(squeeze), self.tactile.estimate(squeeze))
+        self.follow(squeeze, &mut Seen::default())
+    }
+
+    fn follow(&self, squeeze: &Squeeze, seen: &mut Seen) -> Result<Estimate, ForearmError> {
+        let touch = self.tactile.follow(squeeze, seen);
+        self.fusion.fuse(self.kinesthetic.estimate(squeeze), touch)
     }
 }
 

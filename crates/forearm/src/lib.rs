@@ -28,7 +28,7 @@ mod tactile;
 
 pub use disturbance::Disturbance;
 pub use error::ForearmError;
-pub use estimate::{Estimate, Estimator, LeftOut, Source};
+pub use estimate::{Estimate, Estimator, LeftOut, Seen, Source};
 pub use fusion::{Fused, Fusion};
 pub use kinesthetic::{Kinesthetic, MOST_UNKNOWN};
 pub use mat::{Matrix, TornMat, read_mat, write_mat};

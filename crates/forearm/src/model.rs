@@ -1,7 +1,7 @@
 //! Models in files.
 
 use crate::error::ForearmError;
-use crate::estimate::{Estimate, Estimator};
+use crate::estimate::{Estimate, Estimator, Seen};
 use crate::fusion::Fusion;
 use crate::kinesthetic::Kinesthetic;
 use crate::session::Session;
@@ -204,10 +204,14 @@ impl Model {
 
 impl Estimator for Model {
     fn estimate(&self, squeeze: &Squeeze) -> Result<Estimate, ForearmError> {
+        self.follow(squeeze, &mut Seen::default())
+    }
+
+    fn follow(&self, squeeze: &Squeeze, seen: &mut Seen) -> Result<Estimate, ForearmError> {
         let angles = self.kinesthetic.estimate(squeeze);
         match &self.touch {
             Some((tactile, fusion)) if squeeze.tactile.is_some() => {
-                fusion.fuse(angles, tactile.estimate(squeeze))
+                fusion.fuse(angles, tactile.follow(squeeze, seen))
             }
             _ => angles,
         }

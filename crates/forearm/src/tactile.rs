@@ -1,7 +1,7 @@
 //! Where a gripper holds, from the tactile images of its third finger.
 
 use crate::error::ForearmError;
-use crate::estimate::{Estimate, Estimator, LeftOut, Source};
+use crate::estimate::{Estimate, Estimator, LeftOut, Seen, Source};
 use crate::likeness::Likeness;
 use crate::phase::{Course, PHASES};
 use crate::profile::{Profile, places, within};
@@ -70,7 +70,9 @@ impl Tactile {
         let mut totals = Vec::with_capacity(trials.len() * PHASES);
         for (trial, course) in trials.iter().zip(&courses) {
             let (squeeze, to) = (&trial.squeeze, (&mut features, &mut residuals, &mut totals));
-            scores_at_phases(&mean, &components, squeeze, course, to);
+            let mut seen = Seen::default();
+            seen.look(&mean, &components, squeeze);
+            seen.at_phases(course, to);
         }
         let likeness = Likeness::of(COMPONENTS, &features, &residuals, &totals);
         let rows = Rows {
@@ -114,6 +116,10 @@ impl Tactile {
 
 impl Estimator for Tactile {
     fn estimate(&self, squeeze: &Squeeze) -> Result<Estimate, ForearmError> {
+        self.follow(squeeze, &mut Seen::default())
+    }
+
+    fn follow(&self, squeeze: &Squeeze, seen: &mut Seen) -> Result<Estimate, ForearmError> {
         let course = self.profile.course(squeeze)?;
         if squeeze.tactile.is_none() {
             return Err(ForearmError::NoTouch);
@@ -122,7 +128,8 @@ impl Estimator for Tactile {
         let mut residuals = Vec::with_capacity(PHASES);
         let mut totals = Vec::with_capacity(PHASES);
         let to = (&mut features, &mut residuals, &mut totals);
-        scores_at_phases(&self.mean, &self.components, squeeze, &course, to);
+        seen.look(&self.mean, &self.components, squeeze);
+        seen.at_phases(&course, to);
         let steps = course.steps();
         let times = self.likeness.times_as_far(&features, &residuals, &totals, steps);
         if times > UNLIKE {
@@ -156,41 +163,42 @@ fn images(trials: &[&Trial], courses: &[Course]) -> Matrix {
     Matrix::new(TACTELS, count, columns)
 }
 
-/// Adds the components of a squeeze's images at all phases, component after component, what they leave of the images'
-/// squares, and the images' totals.
-fn scores_at_phases(
-    mean: &[f64],
-    components: &[f64],
-    squeeze: &Squeeze,
-    course: &Course,
-    (features, residuals, totals): (&mut Vec<f64>, &mut Vec<f64>, &mut Vec<f64>),
-) {
-    let mut centred = vec![0.0; TACTELS];
-    let mut scores = Vec::with_capacity(squeeze.len() * COMPONENTS);
-    let mut rests = Vec::with_capacity(squeeze.len());
-    for row in 0..squeeze.len() {
-        let image = squeeze.tactile_image(row).unwrap_or_default();
-        let differences = image
-            .iter()
-            .zip(mean)
-            .map(|(count, mean)| f64::from(*count) - mean);
-        centred
-            .iter_mut()
-            .zip(differences)
-            .for_each(|(place, difference)| *place = difference);
-        for loadings in components.chunks_exact(TACTELS) {
-            scores.push(loadings.iter().zip(&centred).map(|(a, b)| a * b).sum::<f64>());
+impl Seen {
+    /// Looks at the images of a squeeze that were not looked at before.
+    fn look(&mut self, mean: &[f64], components: &[f64], squeeze: &Squeeze) {
+        let mut centred = vec![0.0; TACTELS];
+        for row in self.rests.len()..squeeze.len() {
+            let image = squeeze.tactile_image(row).unwrap_or_default();
+            let differences = image
+                .iter()
+                .zip(mean)
+                .map(|(count, mean)| f64::from(*count) - mean);
+            centred
+                .iter_mut()
+                .zip(differences)
+                .for_each(|(place, difference)| *place = difference);
+            for loadings in components.chunks_exact(TACTELS) {
+                let products = loadings.iter().zip(&centred).map(|(a, b)| a * b);
+                self.scores.push(products.sum::<f64>());
+            }
+            let squares = |values: &[f64]| values.iter().map(|x| x * x).sum::<f64>();
+            let rest = squares(&centred) - squares(&self.scores[row * COMPONENTS..]);
+            self.rests.push(rest.max(0.0));
+            self.totals.push(image.iter().map(|count| f64::from(*count)).sum());
         }
-        let squares = |values: &[f64]| values.iter().map(|x| x * x).sum::<f64>();
-        rests.push((squares(&centred) - squares(&scores[row * COMPONENTS..])).max(0.0));
     }
-    for component in 0..COMPONENTS {
-        course.at_phases(|row| scores[row * COMPONENTS + component], features);
+
+    /// Adds the components at all phases, component after component, what they leave of the images' squares, and the
+    /// images' totals.
+    fn at_phases(
+        &self,
+        course: &Course,
+        (features, residuals, totals): (&mut Vec<f64>, &mut Vec<f64>, &mut Vec<f64>),
+    ) {
+        for component in 0..COMPONENTS {
+            course.at_phases(|row| self.scores[row * COMPONENTS + component], features);
+        }
+        course.at_phases(|row| self.rests[row], residuals);
+        course.at_phases(|row| self.totals[row], totals);
     }
-    course.at_phases(|row| rests[row], residuals);
-    let total = |row| {
-        let image = squeeze.tactile_image(row).unwrap_or_default();
-        image.iter().map(|count| f64::from(*count)).sum()
-    };
-    course.at_phases(total, totals);
 }

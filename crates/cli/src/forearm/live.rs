@@ -11,7 +11,7 @@ use anyhow::{Context, bail};
 use serde::Serialize;
 use serde_json::json;
 use std::path::Path;
-use taxel_forearm::{Estimator, FINGERS, ForearmError, Sample, Squeeze};
+use taxel_forearm::{Estimator, FINGERS, ForearmError, Sample, Seen, Squeeze};
 use taxel_wire::status::Status;
 use taxel_wire::{EventKind, Kind, Received};
 
@@ -20,6 +20,9 @@ use taxel_wire::{EventKind, Kind, Received};
 pub(super) const BEGINS: &str = "squeeze";
 pub(super) const SAMPLE: &str = "pwm ";
 pub(super) const ENDS: &str = "release";
+
+/// `SCHED_FIFO` priority: one step below what taxeld sends with, unless its configuration has others.
+const PRIORITY: u8 = 7;
 
 /// Until an angle is known in a squeeze, one that was read so long before is better than none: two samples, microseconds.
 /// A squeeze begins at rest.
@@ -40,6 +43,8 @@ struct Live<'a> {
     image: Vec<u16>,
     /// The squeeze at work, and the time of its first sample.
     squeeze: Option<(Squeeze, Option<u64>)>,
+    /// What was seen in its images.
+    seen: Seen,
     /// PWM of the sample at work.
     pwm: Option<f64>,
     /// The newest frame's time when the newest mark came.
@@ -87,6 +92,7 @@ impl Live<'_> {
             BEGINS => {
                 let broken_off = self.break_off("another squeeze begins, and it was not released");
                 self.squeeze = Some((Squeeze::default(), None));
+                self.seen = Seen::default();
                 self.told = false;
                 broken_off.map(Err)
             }
@@ -169,7 +175,7 @@ impl Live<'_> {
     fn estimate(&mut self, ended: bool) -> Option<Result<Line, Untold>> {
         let (squeeze, _) = self.squeeze.as_ref()?;
         let samples = squeeze.len();
-        let estimate = match self.estimator.estimate(squeeze) {
+        let estimate = match self.estimator.follow(squeeze, &mut self.seen) {
             // There will be more of it.
             Err(ForearmError::TooShort { .. }) if !ended => return None,
             Ok(estimate) if ended => says_enough(&estimate, samples).map(|()| estimate),
@@ -227,11 +233,14 @@ pub(super) fn run(
         theta_p: None,
         frame: None,
         squeeze: None,
+        seen: Seen::default(),
         image: Vec::new(),
         pwm: None,
         marked_ns: None,
         told: false,
     };
+    // What the system refuses is done without, as taxeld does.
+    let _ = taxeld::set_fifo(PRIORITY);
     let mut lines = Lines::new(Kind::Estimate, "estimates", sockets.publish);
     with_daemon(sockets.images, sockets.reconnect, |subscriber, images| {
         if let Some(untold) = live.break_off("the daemon was gone, and it was not released") {

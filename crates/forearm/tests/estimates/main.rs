@@ -1,6 +1,7 @@
 //! Places from squeezes: what an estimator promises, on squeezes that follow a simple rule and on the public ones.
 
 mod few;
+mod goes_on;
 mod lost_angles;
 
 use taxel_forearm::{

@@ -33,6 +33,7 @@ fn live() -> Live<'static> {
         frame: None,
         image: Vec::new(),
         squeeze: None,
+        seen: Seen::default(),
         pwm: None,
         marked_ns: None,
         told: false,
