@@ -6,6 +6,7 @@ use super::hand::{BusFacts, HandFacts, NotedProblem, Unclaimed};
 use taxel_can::{CanFrame, LinkState, Received};
 use taxel_diagnose::{BusView, HandSetup, HandView, Problems};
 use taxel_engine::Engine;
+use taxel_joints::JointFeed;
 use taxel_skin::{
     BoardStatus, BoardSupervisor, BoardsMode, Decoded, Discovery, DiscoveryReport, Finding, Layout, Protocol,
 };
@@ -94,7 +95,12 @@ pub(super) fn examine(
     }
 
     let begin_ns = bus_listener.now_ns();
-    // Joints have checks of their own.
+    // Joints have checks of their own; here their frames are told from those of strangers.
+    let bus = config.joints_bus().map(|bus| bus.index);
+    let joints = config.joints.as_ref().filter(|_| bus.is_some());
+    let joints = joints
+        .map(|joints| JointFeed::new(joints, bus, false))
+        .transpose()?;
     let mut skin = config.clone();
     skin.joints = None;
     let mut hearing = HandListener {
@@ -102,6 +108,7 @@ pub(super) fn examine(
         problems: Problems::default(),
         noted: Vec::new(),
         judge_at_ns: begin_ns,
+        joints,
         engine: Engine::new(&skin.engine(false)?, begin_ns)?.with_boards(supervisor),
         speaks,
         findings: Vec::new(),
@@ -179,6 +186,8 @@ impl Listener for Asking<'_> {
 
 struct HandListener<'a> {
     engine: Engine,
+    /// Joints that are read from CAN.
+    joints: Option<JointFeed>,
     setup: HandSetup<'a>,
     problems: Problems,
     /// What was wrong at any time.
@@ -211,7 +220,12 @@ impl Listener for HandListener<'_> {
             facts.bits = [facts.bits[0] + least, facts.bits[1] + most];
         }
         match self.engine.last_frame() {
-            Some((Decoded::Unknown, _)) => count_unclaimed(facts, frame),
+            Some((Decoded::Unknown, _)) => {
+                let mut joints = self.joints.iter_mut();
+                if !joints.any(|joints| joints.handle_frame(bus, received)) {
+                    count_unclaimed(facts, frame);
+                }
+            }
             Some((Decoded::Readings, readings)) => {
                 for reading in readings {
                     let taxel = usize::from(reading.taxel);

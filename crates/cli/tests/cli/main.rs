@@ -6,6 +6,7 @@ mod categorize_sweep;
 mod compress;
 mod config;
 mod counts;
+mod doctor;
 mod eval;
 mod eval_task;
 mod everyday;

@@ -54,7 +54,7 @@ fn allegro_hands(bus: &str, strangers: &mut Strangers) -> Vec<Check> {
                 bus,
                 format!("an Allegro hand (version {version}) speaks on the bus of the skin"),
             )
-            .wanted("a bus of its own: its ids and those of the boards overlap"),
+            .wanted("a bus of its own, since ids of both may overlap, or `[joints]` in the configuration"),
         );
     }
     checks
