@@ -11,9 +11,9 @@ use std::path::Path;
 use std::time::Duration;
 use taxel_can::SourceAddress;
 use taxel_diagnose::Kind;
-use taxel_hand::{Fault, Faults};
+use taxel_hand::{Fault, Faults, plural};
 use taxel_skin::Layout;
-use taxel_wire::status::{BoardStatus, BusStatus, ProblemStatus, Status};
+use taxel_wire::status::{BoardStatus, BusStatus, JointStatus, JointsStatus, ProblemStatus, Status};
 use taxel_wire::{check_socket_folder, connect_for_requests};
 use taxeld::Config;
 
@@ -117,6 +117,7 @@ pub(super) fn check(status: &Status) -> Vec<Check> {
         let is_told = !board.problems.is_empty() || bus.is_some_and(|bus| !bus.problems.is_empty());
         checks.extend(check_board(board, is_told));
     }
+    checks.extend(status.joints.as_ref().and_then(check_joints));
     if status.calibrating {
         checks.push(Check::warning(
             AREA,
@@ -223,6 +224,24 @@ fn check_board(board: &BoardStatus, is_told: bool) -> Option<Check> {
             format!("{state} at this moment"),
         )),
     }
+}
+
+/// That joints are well: those that have an angle and no problem.
+fn check_joints(joints: &JointsStatus) -> Option<Check> {
+    let is_well = |joint: &&JointStatus| joint.problems.is_empty() && joint.angle_rad.is_some();
+    let well = || joints.joints.iter().filter(is_well);
+    let servos = well().filter(|joint| joint.servo.is_some()).count();
+    let others = well().count() - servos;
+    let what = match joints.allegro {
+        Some(_) => "joint",
+        None => "potentiometer",
+    };
+    let counts = [(servos, "servo"), (others, what)]
+        .into_iter()
+        .filter(|(count, _)| *count > 0);
+    let counts: Vec<String> = counts.map(|(count, what)| plural(count, what)).collect();
+    let verb = if servos + others == 1 { "reports" } else { "report" };
+    (servos + others > 0).then(|| Check::ok(AREA, "joints", "", format!("{} {verb}", counts.join(" and "))))
 }
 
 /// Where a daemon reads its buses.
@@ -406,6 +425,41 @@ mod tests {
             .map(|c| (c.state, c.name.as_ref(), c.found.as_str()))
             .collect();
         assert_eq!(told, [(State::Error, "link-down", sentence)]);
+    }
+
+    #[test]
+    fn joints_that_are_well_are_told() {
+        let joint = |id: Option<u8>, angle_rad: Option<f64>, problems: Value| {
+            let mut joint = json!({ "name": "a", "angle_rad": angle_rad, "problems": problems });
+            if let Some(id) = id {
+                joint["id"] = id.into();
+            }
+            joint
+        };
+        let servo = |id| joint(Some(id), Some(0.5), json!([]));
+        let other = || joint(None, Some(0.5), json!([]));
+        let lost = joint(Some(3), Some(0.5), json!(["servo-silent"]));
+        let allegro = json!({ "positions": [1, 1, 1, 1] });
+        for (joints, more, wanted) in [
+            (
+                json!([servo(1), servo(2), other(), other()]),
+                &json!({}),
+                Some("2 servos and 2 potentiometers report"),
+            ),
+            (json!([servo(1), lost]), &json!({}), Some("1 servo reports")),
+            (json!([joint(Some(1), None, json!([]))]), &json!({}), None),
+            (json!([other(), other()]), &allegro, Some("2 joints report")),
+        ] {
+            let mut status = running();
+            status["joints"] = more.clone();
+            status["joints"]["joints"] = joints;
+            let checks = check(&parsed(status));
+            let told = checks.iter().find(|check| check.name == "joints");
+            assert_eq!(
+                told.map(|check| (check.state, check.found.as_str())),
+                wanted.map(|words| (State::Ok, words))
+            );
+        }
     }
 
     #[test]
