@@ -9,6 +9,9 @@ use crate::protocol::mtb::BoardKind;
 
 /// Length of a window.
 pub(super) const WINDOW_NS: u64 = 250_000_000;
+/// How long a bus is another's on which a node of none spoke. Rare speakers are on it all the while; somebody who sent a
+/// frame by hand is not.
+pub(super) const STRANGER_NS: u64 = 600_000_000_000;
 /// What a bus carries, bits per second: every public hand runs at this rate (docs/protocols.md,
 /// "Bus timing").
 const BIT_RATE: f64 = 1e6;
@@ -23,8 +26,8 @@ pub(super) struct Bus {
     pub(super) owners: Box<[u16; 0x800]>,
     /// Whether each standard id is a module's, a stray's, or a command.
     pub(super) familiar: Box<[bool; 0x800]>,
-    /// Whether a node that is nothing like the hand's ever spoke.
-    pub(super) strangers: bool,
+    /// When a node that is nothing like the hand's spoke last, by the newest frame of that window.
+    pub(super) stranger_ns: Option<u64>,
     pub(super) load: BusLoad,
     pub(super) babbles: Held<(bool, u32)>,
     /// What each address answered to be in this window.
@@ -66,7 +69,7 @@ impl Bus {
             tally: Tally::new(hub_ids, addresses()),
             owners: Box::new([NOBODY; 0x800]),
             familiar,
-            strangers: false,
+            stranger_ns: None,
             load: BusLoad::default(),
             babbles: Held::default(),
             answers: [None; 16],

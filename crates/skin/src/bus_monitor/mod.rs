@@ -20,7 +20,7 @@ use crate::protocol::Protocol;
 use crate::protocol::mtb::{BoardKind, answer_id, answering};
 use crate::reading::TaxelReading;
 use alternation::Alternation;
-use bus::{Bus, WINDOW_NS, figures, per_second};
+use bus::{Bus, STRANGER_NS, WINDOW_NS, figures, per_second};
 use stray::{Held, NOBODY, Pair, Stray, ids_of, pairs, strays};
 use swinging::{Swinging, Swung};
 use tally::FOREIGN_HUBS;
@@ -233,10 +233,12 @@ impl BusMonitor {
         &self.findings
     }
 
-    /// Whether a node ever spoke on a bus (index) that is neither a board of the hand nor could be
-    /// one on the wrong bus.
+    /// Whether a node spoke on a bus (index) in the last ten minutes that is neither a board of the hand nor could be one on
+    /// the wrong bus.
     pub fn strangers(&self, bus: u8) -> bool {
-        self.buses.get(usize::from(bus)).is_some_and(|b| b.strangers)
+        let heard_ns = self.buses.get(usize::from(bus)).and_then(|bus| bus.stranger_ns);
+        let spoke = heard_ns.zip(self.window_ends_ns);
+        spoke.is_some_and(|(heard_ns, now_ns)| now_ns.saturating_sub(heard_ns) < STRANGER_NS)
     }
 
     /// What a bus (index) carries.
@@ -384,9 +386,11 @@ impl BusMonitor {
     /// What is no board's, by its id: extended ones of no hub, and those that are neither a
     /// module's nor a stray's nor a command.
     fn find_strangers(&mut self) {
-        for bus in self.buses.iter_mut().filter(|bus| !bus.strangers) {
+        for bus in &mut self.buses {
             let mut ids = bus.tally.ids.iter().zip(bus.familiar.iter());
-            bus.strangers = bus.tally.of_no_hub > 0 || ids.any(|(of, familiar)| of.frames > 0 && !familiar);
+            if bus.tally.of_no_hub > 0 || ids.any(|(of, familiar)| of.frames > 0 && !familiar) {
+                bus.stranger_ns = Some(self.now_ns);
+            }
         }
     }
 

@@ -259,12 +259,28 @@ fn a_board_that_the_layout_does_not_have_is_named_by_its_address() {
 #[test]
 fn what_could_not_be_a_board_of_the_hand_is_a_stranger() {
     let layout = two_buses([&[0, 1], &[2, 3]]);
+    const MINUTE: u64 = 60_000 * MS;
     let heard = |frame: CanFrame| {
         let mut monitor = BusMonitor::new(&layout);
         monitor.handle_frame(0, &Received { t_ns: 0, frame });
         monitor.advance(300 * MS);
         assert!(!monitor.strangers(1));
-        monitor.strangers(0)
+        let is_stranger = monitor.strangers(0);
+        monitor.advance(9 * MINUTE);
+        assert_eq!(monitor.strangers(0), is_stranger);
+        // One that was sent once, by hand, is not on the bus for ever; one that speaks again is.
+        monitor.advance(11 * MINUTE);
+        assert!(!monitor.strangers(0));
+        monitor.handle_frame(
+            0,
+            &Received {
+                t_ns: 12 * MINUTE,
+                frame,
+            },
+        );
+        monitor.advance(12 * MINUTE + 300 * MS);
+        assert_eq!(monitor.strangers(0), is_stranger);
+        is_stranger
     };
     let standard = |id| CanFrame::standard(id, &[0; 8]).expect("11 bits");
     // Boards of this bus, of the other, of none; a command.
