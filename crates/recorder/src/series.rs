@@ -6,8 +6,10 @@ use std::fs::{File, OpenOptions, TryLockError};
 use std::io::{self, Read};
 use std::path::{Path, PathBuf};
 
-/// Numbers that files of one name are given at most.
-const MOST_FILES: u32 = 1_000_000;
+/// Numbers from here on are no files of a recording: one a second does not come so far in 30,000 years.
+const MOST_NUMBERS: u64 = 1_000_000_000_000;
+/// Numbers that are tried at most for a file, where all before have been taken meanwhile.
+const MOST_TRIED: u64 = 1_000_000;
 
 /// The files of one recording.
 #[derive(Debug)]
@@ -17,7 +19,7 @@ pub(crate) struct Series {
     is_numbered: bool,
     most_files: Option<usize>,
     /// The least number that the next file may have.
-    next_number: u32,
+    next_number: u64,
     files: Vec<PathBuf>,
     removed: u32,
 }
@@ -94,25 +96,26 @@ impl Series {
     }
 
     /// A new file, and the least number of the one behind it.
-    fn create_new(&self) -> Result<(u32, PathBuf, File), StoreError> {
+    fn create_new(&self) -> Result<(u64, PathBuf, File), StoreError> {
         let mut number = self.next_number;
         if self.is_numbered
             && let Some((greatest, _)) = numbered_files(&self.path).last()
         {
             number = number.max(greatest + 1);
         }
+        let first = number;
         loop {
             let path = match self.is_numbered {
                 true => numbered_file(&self.path, number),
                 false => self.path.clone(),
             };
             match OpenOptions::new().append(true).create_new(true).open(&path) {
-                Ok(file) => return Ok((number + u32::from(self.is_numbered), path, file)),
+                Ok(file) => return Ok((number + u64::from(self.is_numbered), path, file)),
                 // Somebody else's, made meanwhile, or of another kind.
                 Err(error)
                     if error.kind() == io::ErrorKind::AlreadyExists
                         && self.is_numbered
-                        && number < MOST_FILES => {}
+                        && number - first < MOST_TRIED => {}
                 Err(source) => return Err(StoreError::Create { path, source }),
             }
             number += 1;
@@ -121,14 +124,14 @@ impl Series {
 }
 
 /// The file of this number of a recording of this name.
-fn numbered_file(path: &Path, number: u32) -> PathBuf {
+fn numbered_file(path: &Path, number: u64) -> PathBuf {
     let stem = path.file_stem().unwrap_or_default().to_string_lossy();
     let ending = path.extension().unwrap_or("mcap".as_ref()).to_string_lossy();
     path.with_file_name(format!("{stem}-{number:04}.{ending}"))
 }
 
 /// The files that are there and have a name of this recording's, by their numbers.
-fn numbered_files(path: &Path) -> Vec<(u32, PathBuf)> {
+fn numbered_files(path: &Path) -> Vec<(u64, PathBuf)> {
     let stem = path.file_stem().unwrap_or_default().to_string_lossy();
     let number_of = |name: &str| {
         let number = name.strip_prefix(&*stem)?.strip_prefix('-')?;
@@ -137,7 +140,7 @@ fn numbered_files(path: &Path) -> Vec<(u32, PathBuf)> {
             .next()?
             .parse()
             .ok()
-            .filter(|number| *number < MOST_FILES)
+            .filter(|number| *number < MOST_NUMBERS)
     };
     let entries = std::fs::read_dir(folder_of(path)).into_iter().flatten().flatten();
     let files = entries.filter(|entry| entry.file_type().is_ok_and(|kind| kind.is_file()));
