@@ -448,6 +448,49 @@ def test_a_file_that_is_renamed_while_it_is_recorded_into_is_told_and_the_record
         assert counted.message_count > 0
 
 
+def test_another_configuration_of_the_next_daemon_is_in_another_file_and_one_that_is_not_its_own_in_none(start, folder):
+    ports = [free_udp_port() for _ in range(2)]
+    daemon = start([f"udp:{GROUP}:{ports[0]}?hops=0"], layout="uskin-module")
+    text, out, file = daemon.config.read_text(), folder / "day.mcap", daemon.config
+
+    def described(path, times=1):
+        found = lambda: len(messages(path).get("/taxel/hello", [])) >= times
+        eventually(found, lambda: f"no hand is described in {path.name}: {recorder.said}")
+
+    def again(text, config=file):
+        assert daemon.stop() == 0
+        config.write_text(text)
+        daemon.config = config
+        daemon.start()
+
+    def attached(path):
+        with path.open("rb") as file:
+            return [one.data.decode() for one in make_reader(file).iter_attachments()]
+
+    changed = text.replace(str(ports[0]), str(ports[1])).replace("[profile]", "[profile]\nlevels = 3")
+    assert "levels = 3" in changed, text
+    second, third = (folder / f"day-000{number}.mcap" for number in (1, 2))
+    with recording(daemon, out) as recorder:
+        described(out)
+        again(changed)
+        described(second)
+        # The same again is recorded on in the same file.
+        times = len(messages(second)["/taxel/hello"])
+        again(changed)
+        described(second, times + 1)
+        again(changed.replace("uskin-module", "uskin-fingertip"), folder / "other.toml")
+        described(third)
+        assert recorder.end() == 0, recorder.said
+    assert [attached(path) for path in (out, second, third)] == [[text], [changed], []]
+    assert sorted(folder.glob("*.mcap")) == sorted([out, second, third])
+    said = recorder.said
+    assert said.count("the daemon runs with another configuration") == 2, said
+    assert f"{file} is not the configuration of the daemon that runs" in said, said
+    assert "From here on it is recorded without it" in said and said.count("reads layout uskin-fingertip") == 1, said
+    for port in ports:
+        assert f"no CAN frame came of can0 from udp:{GROUP}:{port}" in said, said
+
+
 def test_a_recording_goes_on_though_nobody_reads_what_it_says(start, folder):
     daemon = start()
     reader, full = os.pipe()

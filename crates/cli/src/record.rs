@@ -1,12 +1,13 @@
 //! `taxel record`: everything that a running hand sends and the daemon makes of it, into an MCAP file.
 
+mod described;
 mod outcome;
 mod same_hand;
 
 pub(crate) use outcome::words;
 
+use self::described::preamble;
 use crate::control;
-use crate::input::DEFAULT_LAYOUT;
 use crate::notices;
 use crate::piped_file::text_parser;
 use crate::seconds::seconds;
@@ -14,7 +15,6 @@ use crate::wrong_use;
 use anyhow::{Context, anyhow, bail};
 use serde_json::json;
 use signal_hook::consts::SIGUSR1;
-use std::collections::BTreeMap;
 use std::io::Write;
 use std::ops::RangeInclusive;
 use std::path::{Path, PathBuf};
@@ -22,9 +22,9 @@ use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, Ordering};
 use std::time::Duration;
 use taxel_can::SourceAddress;
-use taxel_playback::head::{CONFIG, LAYOUT, is_here};
+use taxel_playback::head::is_here;
 use taxel_playback::interrupt::Interrupt;
-use taxel_recorder::{Around, Attached, CanInput, Plan, Preamble, Signals, Split};
+use taxel_recorder::{Around, CanInput, Plan, Signals, Split};
 use taxel_skin::Layout;
 use taxel_wire::Hello;
 use taxel_wire::status::{BusStatus, Status};
@@ -142,7 +142,7 @@ pub(crate) fn run(args: &Args) -> anyhow::Result<()> {
         args.check_hand(config, status_socket, hello)?;
     }
     let can = args.buses(config, status_socket, hello.is_some())?;
-    let socket = sockets.map(|[images, _]| images);
+    let socket = sockets.as_ref().map(|[images, _]| images.clone());
     let plan = Plan {
         out: args.out.clone(),
         socket,
@@ -158,7 +158,7 @@ pub(crate) fn run(args: &Args) -> anyhow::Result<()> {
         }),
         mark_triggers: args.trigger == Trigger::Mark,
         duration: args.seconds,
-        preamble: preamble(args)?,
+        preamble: preamble(args.config.as_deref())?,
     };
     let interrupt = Interrupt::install()?;
     let asked = Arc::new(AtomicBool::new(false));
@@ -167,13 +167,14 @@ pub(crate) fn run(args: &Args) -> anyhow::Result<()> {
         stop: &|| interrupt.is_set(),
         trigger: &|| asked.swap(false, Ordering::Relaxed),
         say: &|text| notices::say(&format!("taxel: {text}")),
+        described: &|hello| status_socket.map(|status| args.described(hello, status, &plan.can)),
     };
     let finished = taxel_recorder::record(&plan, &signals)?;
     for line in words(&plan, &finished) {
         notices::say(&line);
     }
     if args.json {
-        writeln!(std::io::stdout(), "{}", outcome::in_json(&plan, &finished)).context("stdout")?;
+        writeln!(std::io::stdout(), "{}", outcome::in_json(&finished)).context("stdout")?;
     }
     if !finished.gone.is_empty() {
         bail!(
@@ -189,7 +190,7 @@ pub(crate) fn run(args: &Args) -> anyhow::Result<()> {
         Some(socket) if !finished.is_described => {
             bail!("nothing came of a daemon at {}", socket.display())
         }
-        None if finished.can_frames.iter().all(|frames| *frames == 0) => bail!("no CAN frame came"),
+        None if finished.can.iter().all(|bus| bus.frames == 0) => bail!("no CAN frame came"),
         _ => Ok(()),
     }
 }
@@ -362,43 +363,8 @@ fn buses_of_daemon(status: &Status) -> Vec<CanInput> {
     status.buses.iter().filter_map(input).collect()
 }
 
-fn preamble(args: &Args) -> anyhow::Result<Preamble> {
-    let mut facts = BTreeMap::from([(
-        "recorder".to_owned(),
-        format!("taxel {}", env!("CARGO_PKG_VERSION")),
-    )]);
-    let mut attached = Vec::new();
-    if let Some(path) = &args.config {
-        let text = std::fs::read_to_string(path).with_context(|| path.display().to_string())?;
-        let table: toml::Table = toml::from_str(&text)?;
-        let name = table
-            .get("layout")
-            .and_then(toml::Value::as_str)
-            .unwrap_or(DEFAULT_LAYOUT);
-        facts.insert("layout".into(), name.into());
-        let beside = path.parent().unwrap_or(Path::new("")).join(name);
-        let mut attach = |name: &str, text: String| {
-            attached.push(Attached {
-                name: name.into(),
-                media_type: "application/toml".into(),
-                data: text.into_bytes(),
-            });
-        };
-        attach(CONFIG, text);
-        if Layout::builtin(name).is_none() && !name.starts_with("grid:") {
-            let layout = std::fs::read_to_string(&beside).or_else(|_| std::fs::read_to_string(name));
-            attach(LAYOUT, layout.with_context(|| beside.display().to_string())?);
-        }
-    }
-    Ok(Preamble { facts, attached })
-}
-
 /// A recording of all that the daemon with this image socket has, until it is stopped.
 pub(crate) fn plan_of_daemon(socket: &Path, out: PathBuf) -> anyhow::Result<Plan> {
-    let recorder = (
-        "recorder".to_owned(),
-        format!("taxel {}", env!("CARGO_PKG_VERSION")),
-    );
     Ok(Plan {
         out,
         socket: Some(socket.into()),
@@ -407,10 +373,7 @@ pub(crate) fn plan_of_daemon(socket: &Path, out: PathBuf) -> anyhow::Result<Plan
         around: None,
         mark_triggers: false,
         duration: None,
-        preamble: Preamble {
-            facts: BTreeMap::from([recorder]),
-            attached: Vec::new(),
-        },
+        preamble: preamble(None)?,
     })
 }
 

@@ -26,7 +26,7 @@ mod writer;
 pub use can_block::{CanBlock, CanFrames};
 pub use can_reader::CanReader;
 pub use gone::Gone;
-pub use live::{CanInput, Finished, LiveError, Plan, Signals, record};
+pub use live::{CanInput, CanRead, Described, Finished, LiveError, Plan, Signals, record};
 pub use reader::{Item, ReadError, RecordingReader};
 pub use schema::Topic;
 pub use series::parts;

@@ -184,6 +184,18 @@ impl Store {
         self.add(entry, true)
     }
 
+    /// Goes on in another file, at the beginning of which this stands, since what comes is of another configuration. What was
+    /// kept for a trigger is of the one before, and left out. True where anything of a hand is in a file, or was kept.
+    pub fn begin_another(&mut self, preamble: Preamble) -> Result<bool, StoreError> {
+        let has_begun = self.current.is_some() || self.kept.iter().any(|kept| !kept.is_note);
+        self.close()?;
+        self.preamble = preamble;
+        self.standing.clear();
+        self.kept.retain(|kept| kept.is_note);
+        self.kept_bytes = self.kept.iter().map(|kept| kept.entry.data.len()).sum();
+        Ok(has_begun)
+    }
+
     fn add(&mut self, entry: Entry, is_note: bool) -> Result<(), StoreError> {
         if self.around.is_some() && self.until_ns.is_none_or(|until_ns| entry.wall_ns > until_ns) {
             self.until_ns = None;

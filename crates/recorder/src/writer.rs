@@ -42,7 +42,7 @@ pub struct Attached {
 }
 
 /// What stands at the beginning of every file of a recording.
-#[derive(Debug, Default, Clone)]
+#[derive(Debug, Default, Clone, PartialEq, Eq)]
 pub struct Preamble {
     /// What made it, and when: names and values.
     pub facts: BTreeMap<String, String>,

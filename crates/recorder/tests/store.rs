@@ -1,7 +1,9 @@
 //! Which files a store makes and removes, whatever happens to it, to them and to others'.
 
 use std::path::Path;
-use taxel_recorder::{Around, Entry, Preamble, RecordingReader, Split, Store, Topic, text_message};
+use taxel_recorder::{
+    Around, Attached, Entry, Item, Preamble, RecordingReader, Split, Store, Topic, text_message,
+};
 
 const S: u64 = 1_000_000_000;
 
@@ -420,4 +422,73 @@ fn a_file_that_is_gone_when_it_is_closed_is_told() {
     std::fs::remove_file(&path).unwrap();
     store.close().unwrap();
     assert_eq!((store.gone().len(), store.files().len()), (1, 0));
+}
+
+#[test]
+fn what_is_of_another_configuration_is_in_another_file_with_that_at_its_beginning() {
+    let folder = tempfile::tempdir().unwrap();
+    let path = folder.path().join("a.mcap");
+    let preamble = |config: &str| Preamble {
+        attached: vec![Attached {
+            name: "taxeld.toml".into(),
+            media_type: "application/toml".into(),
+            data: config.into(),
+        }],
+        ..Preamble::default()
+    };
+    let held = |name: &str| {
+        let topics = [Topic::Hello, Topic::Events];
+        let mut reader = RecordingReader::open(&folder.path().join(name), &topics).unwrap();
+        let mut held = Vec::new();
+        while let Some(item) = reader.next_item().unwrap() {
+            held.push(match item {
+                Item::Attached(attached) => String::from_utf8(attached.data).unwrap(),
+                Item::Message { data, .. } => taxel_recorder::read_text(data).unwrap().to_owned(),
+                Item::Damaged => panic!("damaged"),
+            });
+        }
+        held.dedup();
+        held
+    };
+    let mut store = Store::new(&path, preamble("first"), Split::default(), None);
+    // Nothing came yet that would be in another file.
+    assert!(!store.begin_another(preamble("second")).unwrap());
+    store.take(entry(Topic::Hello, 0, "one hand")).unwrap();
+    assert!(store.begin_another(preamble("third")).unwrap());
+    // Before the daemon describes its hand anew, frames of its buses may come.
+    store.take(entry(Topic::Events, S, "between")).unwrap();
+    store.take(entry(Topic::Hello, S, "another")).unwrap();
+    store.close().unwrap();
+    assert_eq!(held("a.mcap"), ["second", "one hand"]);
+    assert_eq!(held("a-0001.mcap"), ["third", "between", "another"]);
+
+    // What waits for a trigger is of one configuration, too.
+    let around = Around {
+        before_ns: 30 * S,
+        after_ns: S,
+    };
+    let path = folder.path().join("slip.mcap");
+    let mut store = Store::new(&path, preamble("first"), Split::default(), Some(around));
+    store.take(entry(Topic::Events, 0, "before")).unwrap();
+    assert!(store.begin_another(preamble("second")).unwrap());
+    store.take(entry(Topic::Events, S, "behind")).unwrap();
+    assert!(store.trigger(2 * S).unwrap());
+    store.close().unwrap();
+    assert_eq!(held("slip-0001.mcap"), ["second", "behind"]);
+}
+
+#[test]
+fn files_beyond_the_millionth_are_of_the_ring_too() {
+    let folder = tempfile::tempdir().unwrap();
+    for number in ["999998", "99999999999999"] {
+        std::fs::write(folder.path().join(format!("day-{number}.mcap")), mcap::MAGIC).unwrap();
+    }
+    // A number that no recorder reaches, such as a time, is somebody else's.
+    run(folder.path(), 2, 4);
+    let ring = ["day-1000001.mcap", "day-1000002.mcap", "day-99999999999999.mcap"];
+    assert_eq!(there(folder.path()), ring);
+    run(folder.path(), 2, 1);
+    let ring = ["day-1000002.mcap", "day-1000003.mcap", "day-99999999999999.mcap"];
+    assert_eq!(there(folder.path()), ring);
+    assert_eq!(taxel_recorder::parts(&folder.path().join("day.mcap")).len(), 2);
 }

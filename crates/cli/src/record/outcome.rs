@@ -2,7 +2,7 @@
 
 use serde_json::{Value, json};
 use std::path::PathBuf;
-use taxel_recorder::{CanInput, Finished, Plan};
+use taxel_recorder::{CanInput, CanRead, Finished, Plan};
 use taxel_wire::status::ProblemStatus;
 
 /// Problems that are told; `taxel status` has the others.
@@ -15,14 +15,19 @@ fn there_and_away(finished: &Finished) -> [Vec<&PathBuf>; 2] {
 }
 
 /// The buses of which nothing came.
-fn silent<'a>(plan: &'a Plan, finished: &'a Finished) -> impl Iterator<Item = &'a CanInput> {
-    let buses = plan.can.iter().zip(&finished.can_frames);
-    buses.filter(|(_, frames)| **frames == 0).map(|(bus, _)| bus)
+fn silent(finished: &Finished) -> impl Iterator<Item = &CanInput> {
+    let silent = finished.can.iter().filter(|bus| bus.frames == 0);
+    silent.map(|bus| &bus.input)
+}
+
+fn can_frames(finished: &Finished) -> u64 {
+    finished.can.iter().map(|bus| bus.frames).sum()
 }
 
 /// What the daemon said last that is missing now, of sources other than the buses that were read here.
-fn lacking<'a>(plan: &'a Plan, finished: &'a Finished) -> impl Iterator<Item = &'a ProblemStatus> {
-    let is_read = |bus: &Option<String>| plan.can.iter().any(|read| Some(&read.name) == bus.as_ref());
+fn lacking(finished: &Finished) -> impl Iterator<Item = &ProblemStatus> {
+    let is_of = |read: &CanRead, bus: &Option<String>| Some(&read.input.name) == bus.as_ref();
+    let is_read = move |bus: &Option<String>| finished.can.iter().any(|read| is_of(read, bus));
     let problems = finished.problems.iter();
     problems.filter(move |problem| problem.severe && !is_read(&problem.bus))
 }
@@ -33,7 +38,7 @@ pub(crate) fn words(plan: &Plan, finished: &Finished) -> Vec<String> {
         files: _,
         gone,
         removed,
-        can_frames,
+        can: _,
         can_lost,
         is_described: _,
         images,
@@ -67,7 +72,7 @@ pub(crate) fn words(plan: &Plan, finished: &Finished) -> Vec<String> {
         false => format!(
             "{name}: {:.1} MB, {messages} messages; {images} images and {} CAN frames were read",
             bytes as f64 / 1e6,
-            can_frames.iter().sum::<u64>()
+            can_frames(finished)
         ),
     }];
     lines.extend(gone.iter().map(|gone| format!("taxel: {gone}")));
@@ -81,13 +86,13 @@ pub(crate) fn words(plan: &Plan, finished: &Finished) -> Vec<String> {
             ),
         });
     }
-    for CanInput { name, address } in silent(plan, finished) {
+    for CanInput { name, address } in silent(finished) {
         lines.push(format!(
             "taxel: no CAN frame came of {name} from {address}: no board sends there, or the hand's bus is another; \
              --can {name}=SOURCE names it"
         ));
     }
-    let lacking: Vec<_> = lacking(plan, finished).collect();
+    let lacking: Vec<_> = lacking(finished).collect();
     let told = lacking.iter().take(MOST_TOLD);
     lines.extend(told.map(|problem| format!("taxel: at the end: {}", problem.sentence)));
     if lacking.len() > MOST_TOLD {
@@ -113,7 +118,7 @@ pub(crate) fn words(plan: &Plan, finished: &Finished) -> Vec<String> {
 }
 
 /// The same as one object.
-pub(super) fn in_json(plan: &Plan, finished: &Finished) -> Value {
+pub(super) fn in_json(finished: &Finished) -> Value {
     let names = |files: Vec<&PathBuf>| -> Vec<String> {
         files.into_iter().map(|file| file.display().to_string()).collect()
     };
@@ -123,9 +128,9 @@ pub(super) fn in_json(plan: &Plan, finished: &Finished) -> Value {
         "away": names(away),
         "removed": finished.removed,
         "gone": finished.gone.iter().map(|gone| gone.path.display().to_string()).collect::<Vec<_>>(),
-        "can_frames": finished.can_frames.iter().sum::<u64>(),
-        "silent": silent(plan, finished).map(|bus| &bus.name).collect::<Vec<_>>(),
-        "lacking": lacking(plan, finished).map(|problem| &problem.kind).collect::<Vec<_>>(),
+        "can_frames": can_frames(finished),
+        "silent": silent(finished).map(|bus| &bus.name).collect::<Vec<_>>(),
+        "lacking": lacking(finished).map(|problem| &problem.kind).collect::<Vec<_>>(),
         "can_lost": finished.can_lost,
         "images": finished.images,
         "skipped": finished.skipped,
@@ -165,9 +170,12 @@ mod tests {
             name: "can0".into(),
             address: "can:can0".parse().unwrap(),
         };
-        let plan = plan("day.mcap".into(), vec![can0]);
+        let plan = plan("day.mcap".into(), Vec::new());
         let mut finished = Finished {
-            can_frames: vec![1],
+            can: vec![CanRead {
+                input: can0,
+                frames: 1,
+            }],
             problems: vec![
                 problem("bus-silent", Some("can0"), true),
                 problem("bus-silent", Some("touch"), true),
@@ -183,7 +191,7 @@ mod tests {
         ];
         assert_eq!(lines[1..], told);
         let kinds = ["bus-silent", "analogue-silent"];
-        assert_eq!(in_json(&plan, &finished)["lacking"], json!(kinds));
+        assert_eq!(in_json(&finished)["lacking"], json!(kinds));
         finished.problems = vec![problem("servo-silent", None, true); 7];
         let last = words(&plan, &finished).pop().unwrap();
         assert_eq!(last, "taxel: and 3 more; `taxel status` has them");

@@ -78,6 +78,7 @@ fn begin(images: &Path, out: PathBuf, seen: Arc<Mutex<Seen>>) -> anyhow::Result<
             stop: &|| is_stopped.load(Ordering::Relaxed),
             trigger: &|| false,
             say: &tell,
+            described: &|_| None,
         };
         match taxel_recorder::record(&plan, &signals) {
             Ok(finished) => words(&plan, &finished),

@@ -1,6 +1,7 @@
 //! The thread that reads the daemon.
 
-use super::{LOOK, Message, Shared};
+use super::can::Buses;
+use super::{Described, LOOK, Message, Plan, Shared};
 use crate::schema::Topic;
 use crate::standard::{
     diagnostics_message, event_message, event_name, joints_message, picture_message, text_message,
@@ -15,7 +16,7 @@ use std::thread;
 use std::time::{Duration, Instant};
 use taxel_can::monotonic_ns;
 use taxel_wire::status::Status;
-use taxel_wire::{Clock, EventKind, Received, Subscribe, Subscriber};
+use taxel_wire::{Clock, EventKind, Hello, Received, Subscribe, Subscriber};
 
 /// How long messages are left to gather in the socket.
 const READ_PAUSE: Duration = Duration::from_millis(40);
@@ -25,18 +26,18 @@ const MOST_GATHERED: usize = 64 << 10;
 const AGAIN: Duration = Duration::from_millis(500);
 
 /// Reads the daemon, and the one that comes after it, until it is over.
-pub(super) fn read_daemon(
-    socket: &Path,
-    mark_triggers: bool,
-    queue: &SyncSender<Message>,
-    shared: &Shared<'_>,
-) {
+pub(super) fn read_daemon(socket: &Path, plan: &Plan, queue: &SyncSender<Message>, shared: &Shared<'_>) {
+    let mut recorded = Described {
+        preamble: plan.preamble.clone(),
+        can: plan.can.clone(),
+        news: None,
+    };
     let mut told = false;
     while !shared.is_over() {
         match Subscriber::connect(socket) {
             Ok(subscriber) => {
                 told = false;
-                let ended = read_subscription(subscriber, mark_triggers, queue, shared);
+                let ended = read_subscription(subscriber, plan.mark_triggers, &mut recorded, queue, shared);
                 if let Err(error) = ended {
                     tell(&error.to_string(), queue, shared);
                 }
@@ -54,6 +55,34 @@ pub(super) fn read_daemon(
     }
 }
 
+/// Records the hand that a daemon describes with what belongs to it, in another file where that is other than what is
+/// recorded with.
+fn follow(hello: &Hello, recorded: &mut Described, queue: &SyncSender<Message>, shared: &Shared<'_>) {
+    let Some(mut described) = (shared.signals.described)(hello) else {
+        return;
+    };
+    let mut news = described.news.clone().filter(|_| described.news != recorded.news);
+    if described.can != recorded.can {
+        match Buses::open(&described.can) {
+            Ok(buses) => {
+                *shared.other_buses.lock().unwrap_or_else(PoisonError::into_inner) = Some(buses);
+            }
+            Err(error) => {
+                news = Some(format!("{error}; CAN is recorded of the buses of before"));
+                described.can.clone_from(&recorded.can);
+            }
+        }
+    }
+    if described.preamble != recorded.preamble || described.can != recorded.can {
+        // What is dropped where the disk is slow must not be that.
+        let _ = queue.send(Message::Another(described.preamble.clone()));
+    }
+    if let Some(news) = news {
+        tell(&news, queue, shared);
+    }
+    *recorded = described;
+}
+
 /// Says something about the recording, there and to people.
 fn tell(text: &str, queue: &SyncSender<Message>, shared: &Shared<'_>) {
     (shared.signals.say)(text);
@@ -66,6 +95,7 @@ fn tell(text: &str, queue: &SyncSender<Message>, shared: &Shared<'_>) {
 fn read_subscription(
     mut subscriber: Subscriber,
     mark_triggers: bool,
+    recorded: &mut Described,
     queue: &SyncSender<Message>,
     shared: &Shared<'_>,
 ) -> Result<(), taxel_wire::ReadError> {
@@ -105,6 +135,7 @@ fn read_subscription(
         match received {
             Received::Hello(hello) => {
                 shared.is_described.store(true, Ordering::Relaxed);
+                follow(hello, recorded, queue, shared);
                 is_monotonic = hello.clock == Clock::Monotonic;
                 joints.clone_from(&hello.joints);
                 let text = String::from_utf8_lossy(&hello.to_json()).into_owned();

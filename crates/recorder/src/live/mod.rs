@@ -8,7 +8,7 @@ mod can;
 mod daemon;
 mod wall;
 
-use self::can::read_can;
+use self::can::{Buses, read_can};
 use self::daemon::read_daemon;
 use self::wall::Wall;
 use crate::gone::Gone;
@@ -24,7 +24,8 @@ use std::sync::mpsc::{Receiver, SyncSender, TrySendError, sync_channel};
 use std::sync::{Mutex, PoisonError};
 use std::thread;
 use std::time::{Duration, Instant};
-use taxel_can::{OpenError, SourceAddress, SourceOptions, both_clocks_ns, monotonic_ns};
+use taxel_can::{OpenError, SourceAddress, both_clocks_ns, monotonic_ns};
+use taxel_wire::Hello;
 use taxel_wire::status::ProblemStatus;
 
 /// Between two cuts. With the time that a disk takes, a crash costs less than a second.
@@ -40,12 +41,32 @@ const LOOK: Duration = Duration::from_millis(100);
 const WRITE_PAUSE: Duration = Duration::from_millis(50);
 
 /// A bus to be recorded.
-#[derive(Debug, Clone)]
+#[derive(Debug, Clone, PartialEq, Eq)]
 pub struct CanInput {
     /// Its name in the recording.
     pub name: String,
     /// Where its frames come from.
     pub address: SourceAddress,
+}
+
+/// What came of a bus.
+#[derive(Debug, Clone)]
+pub struct CanRead {
+    /// The bus.
+    pub input: CanInput,
+    /// Frames read.
+    pub frames: u64,
+}
+
+/// What the hand that a daemon describes is recorded with.
+#[derive(Debug, Clone, PartialEq, Eq)]
+pub struct Described {
+    /// What stands at the beginning of every file.
+    pub preamble: Preamble,
+    /// The buses.
+    pub can: Vec<CanInput>,
+    /// Why it is not recorded as was asked for; told once.
+    pub news: Option<String>,
 }
 
 /// What is to be recorded, and where.
@@ -69,7 +90,7 @@ pub struct Plan {
     pub preamble: Preamble,
 }
 
-/// What comes from outside while it records. Each is asked ten times a second.
+/// What comes from outside while it records. Whether to stop, and whether there is a trigger, is asked ten times a second.
 pub struct Signals<'a> {
     /// Whether to stop.
     pub stop: &'a (dyn Fn() -> bool + Sync),
@@ -77,6 +98,9 @@ pub struct Signals<'a> {
     pub trigger: &'a (dyn Fn() -> bool + Sync),
     /// Tells people something.
     pub say: &'a (dyn Fn(&str) + Sync),
+    /// What the hand is recorded with that a daemon describes, asked at each description: the next daemon may run with
+    /// another configuration. Where that is another than before, another file is begun; none is as before.
+    pub described: &'a (dyn Fn(&Hello) -> Option<Described> + Sync),
 }
 
 /// What became of a recording.
@@ -89,8 +113,8 @@ pub struct Finished {
     /// Files that were removed to make room, those of earlier runs too. The counts below are of what this run's
     /// held too.
     pub removed: u32,
-    /// CAN frames read, by bus of the plan.
-    pub can_frames: Vec<u64>,
+    /// What came of each bus: those of the plan, and those read since for another daemon.
+    pub can: Vec<CanRead>,
     /// CAN frames that the kernel dropped.
     pub can_lost: u64,
     /// Whether a daemon described its hand.
@@ -143,6 +167,8 @@ enum Message {
         wall_ns: u64,
         why: String,
     },
+    /// Another file begins, with this.
+    Another(Preamble),
 }
 
 /// What the threads share.
@@ -152,8 +178,9 @@ struct Shared<'a> {
     /// How far the wall clock had been set when the file was begun that is written, nanoseconds.
     clock_of_file_ns: AtomicI64,
     ended: AtomicBool,
-    /// By bus.
-    can_frames: Vec<AtomicU64>,
+    can: Mutex<Vec<CanRead>>,
+    /// Buses to be read from now on instead of those before.
+    other_buses: Mutex<Option<Buses>>,
     can_lost: AtomicU64,
     is_described: AtomicBool,
     images: AtomicU64,
@@ -164,13 +191,14 @@ struct Shared<'a> {
 }
 
 impl<'a> Shared<'a> {
-    fn new(signals: &'a Signals<'a>, wall: Wall, buses: usize) -> Self {
+    fn new(signals: &'a Signals<'a>, wall: Wall) -> Self {
         Self {
             signals,
             wall,
             clock_of_file_ns: AtomicI64::new(0),
             ended: AtomicBool::new(false),
-            can_frames: (0..buses).map(|_| AtomicU64::new(0)).collect(),
+            can: Mutex::default(),
+            other_buses: Mutex::default(),
             can_lost: AtomicU64::new(0),
             is_described: AtomicBool::new(false),
             images: AtomicU64::new(0),
@@ -182,6 +210,20 @@ impl<'a> Shared<'a> {
 
     fn is_over(&self) -> bool {
         self.ended.load(Ordering::Relaxed)
+    }
+
+    /// Counts frames of these buses, and knows of each from then on.
+    fn count_can(&self, inputs: &[CanInput], frames: &[u64]) {
+        let mut can = self.can.lock().unwrap_or_else(PoisonError::into_inner);
+        for (input, frames) in inputs.iter().zip(frames) {
+            match can.iter_mut().find(|read| read.input == *input) {
+                Some(read) => read.frames += frames,
+                None => can.push(CanRead {
+                    input: input.clone(),
+                    frames: *frames,
+                }),
+            }
+        }
     }
 
     /// A time as it stands in the file that is written.
@@ -207,15 +249,8 @@ impl<'a> Shared<'a> {
 /// # Errors
 /// Where a bus cannot be opened or the first file not be made, nothing was recorded; any other is why it stopped.
 pub fn record(plan: &Plan, signals: &Signals<'_>) -> Result<Finished, LiveError> {
-    let mut sources = Vec::new();
-    for input in &plan.can {
-        let opened = taxel_can::open(&input.address, &SourceOptions::default());
-        sources.push(opened.map_err(|source| LiveError::Bus {
-            name: input.name.clone(),
-            source,
-        })?);
-    }
-    let shared = Shared::new(signals, Wall::now(), plan.can.len());
+    let buses = Buses::open(&plan.can)?;
+    let shared = Shared::new(signals, Wall::now());
     let mut store = Store::new(&plan.out, plan.preamble.clone(), plan.split.clone(), plan.around);
     store.check()?;
     let (queue, messages) = sync_channel(QUEUE);
@@ -226,17 +261,14 @@ pub fn record(plan: &Plan, signals: &Signals<'_>) -> Result<Finished, LiveError>
         let (shared, store) = (&shared, &mut store);
         let spawn = |name: &str| thread::Builder::new().name(name.into());
         let run = || -> Result<(), LiveError> {
-            if !sources.is_empty() {
-                let names: Vec<String> = plan.can.iter().map(|input| input.name.clone()).collect();
-                let queue = queue.clone();
-                let read = move || read_can(sources, &names, &queue, shared);
-                spawn("can")
-                    .spawn_scoped(scope, read)
-                    .map_err(LiveError::Thread)?;
-            }
+            let to_write = queue.clone();
+            let read = move || read_can(buses, &to_write, shared);
+            spawn("can")
+                .spawn_scoped(scope, read)
+                .map_err(LiveError::Thread)?;
             if let Some(socket) = &plan.socket {
                 let queue = queue.clone();
-                let read = move || read_daemon(socket, plan.mark_triggers, &queue, shared);
+                let read = move || read_daemon(socket, plan, &queue, shared);
                 spawn("daemon")
                     .spawn_scoped(scope, read)
                     .map_err(LiveError::Thread)?;
@@ -260,7 +292,7 @@ pub fn record(plan: &Plan, signals: &Signals<'_>) -> Result<Finished, LiveError>
                 match message {
                     Message::Entry(entry) => store.take(entry)?,
                     Message::Note(entry) => store.note(entry)?,
-                    Message::Trigger { .. } => {}
+                    Message::Trigger { .. } | Message::Another(_) => {}
                 }
             }
             Ok(())
@@ -287,7 +319,7 @@ pub fn record(plan: &Plan, signals: &Signals<'_>) -> Result<Finished, LiveError>
         files: store.files().map(PathBuf::from).collect(),
         gone: store.gone().to_vec(),
         removed: store.removed(),
-        can_frames: shared.can_frames.iter().map(count).collect(),
+        can: shared.can.into_inner().unwrap_or_else(PoisonError::into_inner),
         can_lost: count(&shared.can_lost),
         is_described: shared.is_described.load(Ordering::Relaxed),
         images: count(&shared.images),
@@ -327,6 +359,13 @@ fn write(
                 Message::Entry(entry) => store.take(entry)?,
                 Message::Note(entry) => store.note(entry)?,
                 Message::Trigger { wall_ns, why } => trigger(store, wall_ns, &why, shared)?,
+                Message::Another(preamble) => {
+                    if store.begin_another(preamble)? {
+                        let text = "the daemon runs with another configuration, or reads other buses, than before; the \
+                                    recording goes on in another file";
+                        say(store, text, shared.wall.at(monotonic_ns()), shared)?;
+                    }
+                }
             }
         }
         let now = Instant::now();
