@@ -11,6 +11,7 @@ use std::io::Write;
 use std::path::{Path, PathBuf};
 use taxel_engine::TickMode;
 use taxel_hand::{Freshness, TactileFrame};
+use taxel_playback::image_output::{ImageOutput, OutputFormat};
 use taxel_playback::interrupt::Interrupt;
 use taxel_playback::output_file::{OutputFile, create_stream, refuse_overlap};
 use taxel_playback::progress::Progress;
@@ -20,6 +21,7 @@ use taxel_playback::traffic_output::{Check, TrafficOutput};
 use taxel_record::Recording;
 use taxel_recorder::Topic;
 use taxel_skin::Layout;
+use taxel_wire::Flags;
 
 /// Write a recording in another format.
 ///
@@ -154,27 +156,25 @@ fn extract(args: &Args, ending: &str) -> anyhow::Result<()> {
         );
     }
     refuse_overlap(&[out], &args.offline.inputs())?;
-    let mut whole = match args.images {
-        true => OutputFile::begin(out)?,
-        false => OutputFile::stream(out)?,
-    };
     let count = if args.images {
-        let images = recorded::images(path)?;
-        match ending {
-            "npz" => images.write_npz(whole.path())?,
-            "npy" => images.write_npy(whole.path())?,
-            _ => images.write_csv(whole.path())?,
+        let whole = OutputFile::begin(out)?;
+        let shown = recorded::images(path)?;
+        let mut output = ImageOutput::of_shown(whole, OutputFormat::of(out)?, &shown)?;
+        for image in &shown.images {
+            output.push(image, Flags::default())?;
         }
-        images.len()
+        output.finish()?;
+        shown.images.len()
     } else {
+        let mut whole = OutputFile::stream(out)?;
         let (_, marks) = recorded::frames_and_marks(path)?;
         let text = marks_file::text(&marks)?;
         create_stream(whole.path())
             .and_then(|mut file| file.write_all(&text))
             .with_context(|| out.display().to_string())?;
+        whole.finish()?;
         marks.len()
     };
-    whole.finish()?;
     report(args, count as u64, what)
 }
 

@@ -59,7 +59,7 @@ pub(crate) struct FrameOutput {
 
 enum FrameFile {
     Csv(FrameTable),
-    Arrays(FrameArrays),
+    Arrays(Box<FrameArrays>),
     #[cfg(feature = "parquet")]
     Parquet(Box<FrameColumns>),
 }
@@ -104,7 +104,7 @@ impl FrameOutput {
     /// value were before them.
     pub(crate) fn finish(self) -> anyhow::Result<[u64; 2]> {
         if let Some(file) = self.file {
-            file.finish(&self.path)?;
+            file.finish()?;
             tell_frames_before(&self.path.display().to_string(), self.before);
         }
         Ok([self.count, self.before])
@@ -121,10 +121,10 @@ impl FrameFile {
         let taxels = layout.taxels.iter().zip(&layout.k);
         let taxels = taxels.map(|(taxel, k)| (taxel.module, *k));
         match format {
-            FrameFormat::Npz => Ok(Self::Arrays(match image {
-                Some((height, width)) => FrameArrays::of_images(height, width),
-                None => FrameArrays::default(),
-            })),
+            FrameFormat::Npz => {
+                let image = image.map(|(height, width)| [height, width]);
+                Ok(Self::Arrays(Box::new(FrameArrays::new(path, image))))
+            }
             #[cfg(feature = "parquet")]
             FrameFormat::Parquet => Ok(Self::Parquet(Box::new(FrameColumns::create(path, taxels)))),
             _ => {
@@ -143,19 +143,24 @@ impl FrameFile {
     fn push(&mut self, frame: &TactileFrame) -> Result<(), RecordError> {
         match self {
             Self::Csv(table) => table.push(frame),
-            Self::Arrays(arrays) => {
-                arrays.push(frame);
-                Ok(())
-            }
+            Self::Arrays(arrays) => arrays.push(frame),
             #[cfg(feature = "parquet")]
             Self::Parquet(columns) => columns.push(frame),
         }
     }
 
-    fn finish(self, path: &Path) -> Result<(), RecordError> {
+    fn finish(self) -> Result<(), RecordError> {
         match self {
             Self::Csv(table) => table.finish(),
-            Self::Arrays(arrays) => arrays.write_npz(path),
+            Self::Arrays(mut arrays) => {
+                if !arrays.are_read() {
+                    eprintln!(
+                        "taxel: the .npz has more numbers than taxel reads of one; numpy reads it, and taxel what it was \
+                         made of, or a .log or .mcap"
+                    );
+                }
+                arrays.write_npz()
+            }
             #[cfg(feature = "parquet")]
             Self::Parquet(columns) => columns.finish(),
         }

@@ -2,12 +2,13 @@
 
 use crate::image_line;
 use crate::output_file::{OutputFile, create_stream};
+use crate::recorded::ShownImages;
 use anyhow::{Context, bail};
 use std::fs::File;
 use std::io::{BufWriter, Write};
 use std::path::Path;
 use taxel_hand::{Profile, TactileImage};
-use taxel_record::ImageStack;
+use taxel_record::{ImageStack, ImageTable};
 use taxel_skin::Layout;
 use taxel_wire::{Flags, Header, ImageView, encode_image_payload};
 
@@ -52,10 +53,17 @@ impl OutputFormat {
 #[derive(Debug)]
 pub struct ImageOutput {
     whole: OutputFile,
-    format: OutputFormat,
-    file: Option<BufWriter<File>>,
-    stack: ImageStack,
+    sink: Sink,
     payload: Vec<u8>,
+}
+
+#[derive(Debug)]
+enum Sink {
+    Npz(Box<ImageStack>),
+    Npy(Box<ImageStack>),
+    Csv(ImageTable<BufWriter<File>>),
+    Jsonl(BufWriter<File>),
+    Bin(BufWriter<File>),
 }
 
 impl ImageOutput {
@@ -66,45 +74,60 @@ impl ImageOutput {
         layout: &Layout,
         profile: &Profile,
     ) -> anyhow::Result<Self> {
-        let whole = OutputFile::stream(path)?;
-        let file = match format {
-            OutputFormat::Jsonl | OutputFormat::Bin => {
-                let file = create_stream(whole.path()).with_context(|| path.display().to_string())?;
-                Some(BufWriter::new(file))
-            }
-            _ => None,
+        let shape = [layout.width, layout.height];
+        let most = [profile.level_count(), profile.actuators];
+        Self::of_shape(OutputFile::stream(path)?, format, shape, most)
+    }
+
+    /// Of images as they were shown.
+    pub fn of_shown(whole: OutputFile, format: OutputFormat, shown: &ShownImages) -> anyhow::Result<Self> {
+        let shape = shown
+            .images
+            .first()
+            .map_or([0, 0], |image| [image.width, image.height]);
+        Self::of_shape(whole, format, shape, [shown.levels, shown.actuators])
+    }
+
+    fn of_shape(
+        whole: OutputFile,
+        format: OutputFormat,
+        [width, height]: [u16; 2],
+        [levels, actuators]: [u16; 2],
+    ) -> anyhow::Result<Self> {
+        let path = whole.path();
+        let stack = || Box::new(ImageStack::new(path, width, height, levels, actuators));
+        let stream = || {
+            let file = create_stream(path).with_context(|| path.display().to_string())?;
+            anyhow::Ok(BufWriter::new(file))
+        };
+        let sink = match format {
+            OutputFormat::Npz => Sink::Npz(stack()),
+            OutputFormat::Npy => Sink::Npy(stack()),
+            OutputFormat::Csv => Sink::Csv(ImageTable::new(stream()?, width, height)),
+            OutputFormat::Jsonl => Sink::Jsonl(stream()?),
+            OutputFormat::Bin => Sink::Bin(stream()?),
         };
         Ok(Self {
             whole,
-            format,
-            file,
-            stack: ImageStack::new(
-                layout.width,
-                layout.height,
-                profile.level_count(),
-                profile.actuators,
-            ),
+            sink,
             payload: Vec::new(),
         })
     }
 
     /// Writes an image; `more_flags` are those that the image does not tell itself.
     pub fn push(&mut self, image: &TactileImage, more_flags: Flags) -> anyhow::Result<()> {
-        let Some(file) = &mut self.file else {
-            self.stack.push(image);
-            return Ok(());
-        };
-        // Both formats hold what a subscriber is given, so both are made from the message's bytes.
-        encode_image_payload(image, &mut self.payload)?;
-        let mut header = Header::of_image(image, self.payload.len());
-        header.flags |= more_flags;
-        let written = match self.format {
-            OutputFormat::Bin => file
-                .write_all(&header.to_bytes())
-                .and_then(|()| file.write_all(&self.payload)),
-            _ => {
+        let written = match &mut self.sink {
+            Sink::Npz(stack) | Sink::Npy(stack) => return Ok(stack.push(image)?),
+            Sink::Csv(table) => table.push(image),
+            Sink::Jsonl(file) => {
+                let header = encode(image, more_flags, &mut self.payload)?;
                 let view = ImageView::decode(&self.payload)?;
                 writeln!(file, "{}", image_line::json(&header, &view, None))
+            }
+            Sink::Bin(file) => {
+                let header = encode(image, more_flags, &mut self.payload)?;
+                file.write_all(&header.to_bytes())
+                    .and_then(|()| file.write_all(&self.payload))
             }
         };
         written.with_context(|| self.whole.path().display().to_string())
@@ -112,16 +135,27 @@ impl ImageOutput {
 
     /// Writes what is left. Without it there is no file.
     pub fn finish(&mut self) -> anyhow::Result<()> {
-        let path = self.whole.path();
-        match self.format {
-            OutputFormat::Npz => self.stack.write_npz(path)?,
-            OutputFormat::Npy => self.stack.write_npy(path)?,
-            OutputFormat::Csv => self.stack.write_csv(path)?,
-            OutputFormat::Jsonl | OutputFormat::Bin => {
-                let flushed = self.file.as_mut().map_or(Ok(()), Write::flush);
-                flushed.with_context(|| path.display().to_string())?;
+        let written = match &mut self.sink {
+            Sink::Npz(stack) => {
+                stack.write_npz()?;
+                Ok(())
             }
-        }
+            Sink::Npy(stack) => {
+                stack.write_npy()?;
+                Ok(())
+            }
+            Sink::Csv(table) => table.finish(),
+            Sink::Jsonl(file) | Sink::Bin(file) => file.flush(),
+        };
+        written.with_context(|| self.whole.path().display().to_string())?;
         self.whole.finish()
     }
+}
+
+/// What a subscriber is given, of which both formats are made.
+fn encode(image: &TactileImage, more_flags: Flags, payload: &mut Vec<u8>) -> anyhow::Result<Header> {
+    encode_image_payload(image, payload)?;
+    let mut header = Header::of_image(image, payload.len());
+    header.flags |= more_flags;
+    Ok(header)
 }

@@ -3,7 +3,7 @@
 use anyhow::bail;
 use std::path::Path;
 use taxel_hand::{TactileImage, plural};
-use taxel_record::{ImageStack, Recording};
+use taxel_record::Recording;
 use taxel_recorder::{
     Item, RecordedFrame, RecordingReader, Topic, event_name, read_event, read_image, read_text,
 };
@@ -111,8 +111,19 @@ fn frames_and_wall_marks(path: &Path, nothing: &str) -> anyhow::Result<(Recordin
     Ok((recording, marks, began_ns))
 }
 
+/// Images of one shape.
+#[derive(Debug)]
+pub struct ShownImages {
+    /// One at least.
+    pub images: Vec<TactileImage>,
+    /// Levels of their display, or of the image that has most.
+    pub levels: u16,
+    /// Actuators of it.
+    pub actuators: u16,
+}
+
 /// The images that the daemon made, as they were shown.
-pub fn images(path: &Path) -> anyhow::Result<ImageStack> {
+pub fn images(path: &Path) -> anyhow::Result<ShownImages> {
     let name = path.display().to_string();
     let mut reader = RecordingReader::open(path, &[Topic::Images, Topic::Hello])?;
     let mut images: Vec<TactileImage> = Vec::new();
@@ -162,13 +173,15 @@ pub fn images(path: &Path) -> anyhow::Result<ImageStack> {
         images.push(image);
     }
     tell_left_out(&name, &reader);
-    let Some(first) = images.first() else {
+    if images.is_empty() {
         bail!("{name}: no image in it; `taxel compress` makes images of CAN traffic and frames");
-    };
+    }
     let [levels, actuators] = most;
-    let mut stack = ImageStack::new(first.width, first.height, levels, actuators);
-    images.iter().for_each(|image| stack.push(image));
-    Ok(stack)
+    Ok(ShownImages {
+        images,
+        levels,
+        actuators,
+    })
 }
 
 /// How many marks, frames and images there are among these topics of a recording, in words such as `1 mark and 449

@@ -2,44 +2,67 @@
 
 use crate::error::RecordError;
 use crate::frames::counts_of;
+use crate::npy::MAX_NUMBERS;
 use crate::npz::WITHOUT_VALUE;
 use crate::npz_writer::NpzWriter;
-use crate::recording::TaxelCounts;
-use std::path::Path;
+use crate::spool::Column;
+use std::io;
+use std::path::{Path, PathBuf};
 use taxel_hand::TactileFrame;
 
-/// Tactile frames of one hand, collected to be written together.
-#[derive(Debug, Default, Clone)]
+/// Tactile frames of one hand, collected to be written together. They are put aside on the disk, beside the file.
+#[derive(Debug)]
 pub struct FrameArrays {
+    path: PathBuf,
     /// Height and width, where frames are images.
     image: Option<[usize; 2]>,
-    counts: Vec<TaxelCounts>,
-    t_ns: Vec<u64>,
-    joints: Vec<f32>,
+    /// x, y and z of each taxel, 0 where there is no value.
+    counts: Column<u16>,
+    without_value: Column<bool>,
+    any_without_value: bool,
+    t_ns: Column<u64>,
+    joints: Column<f32>,
 }
 
 impl FrameArrays {
-    /// None yet, of frames that are images of this height and width, their taxels row by row. By default they are lists.
-    pub fn of_images(height: usize, width: usize) -> Self {
+    /// None yet, for this file, of frames that are lists, or images of this height and width, their taxels row by row.
+    pub fn new(path: &Path, image: Option<[usize; 2]>) -> Self {
         Self {
-            image: Some([height, width]),
-            ..Self::default()
+            path: path.into(),
+            image,
+            counts: Column::beside(path),
+            without_value: Column::beside(path),
+            any_without_value: false,
+            t_ns: Column::beside(path),
+            joints: Column::beside(path),
         }
     }
 
     /// Adds a frame: its time, counts and joint angles.
     ///
+    /// # Errors
+    /// Where the disk does not take it.
+    ///
     /// # Panics
     /// When it has another number of taxels or joints than the first.
-    pub fn push(&mut self, frame: &TactileFrame) {
-        self.counts.extend(counts_of(frame));
-        self.t_ns.push(frame.t_ns);
-        self.joints.extend_from_slice(&frame.joints);
-        let frames = self.t_ns.len();
+    pub fn push(&mut self, frame: &TactileFrame) -> Result<(), RecordError> {
+        self.put(frame).map_err(RecordError::io(&self.path))?;
+        let frames = self.len();
         assert!(
             self.counts.len().is_multiple_of(frames) && self.joints.len().is_multiple_of(frames),
             "a frame of another size"
         );
+        Ok(())
+    }
+
+    fn put(&mut self, frame: &TactileFrame) -> io::Result<()> {
+        for counts in counts_of(frame) {
+            self.any_without_value |= counts.is_none();
+            self.without_value.extend([counts.is_none()])?;
+            self.counts.extend(counts.unwrap_or_default())?;
+        }
+        self.t_ns.extend([frame.t_ns])?;
+        self.joints.extend(frame.joints.iter().copied())
     }
 
     /// Number of frames.
@@ -47,32 +70,35 @@ impl FrameArrays {
         self.t_ns.len()
     }
 
+    /// Whether [`crate::Recording`] reads as many.
+    pub fn are_read(&self) -> bool {
+        self.counts.len() <= MAX_NUMBERS
+    }
+
     /// Whether there is none yet.
     pub fn is_empty(&self) -> bool {
-        self.t_ns.is_empty()
+        self.len() == 0
     }
 
     /// Writes a `.npz`: `counts` `T x N x 3` u16, of images `T x H x W x 3`, `t_ns` u64; where any taxel has no value of the
     /// time of a frame, `without_value` `T x N` bool, true there; and, where there are joints, `joints` `T x J` f32, radians, not a number where unknown.
     /// [`crate::Recording`] reads it.
-    pub fn write_npz(&self, path: &Path) -> Result<(), RecordError> {
+    pub fn write_npz(&mut self) -> Result<(), RecordError> {
         let frames = self.len();
         let each = |len: usize| len / frames.max(1);
-        let mut npz = NpzWriter::plain(path);
-        let taxels = each(self.counts.len());
+        let mut npz = NpzWriter::plain(&self.path);
+        let taxels = each(self.without_value.len());
         let of_images = self.image.map(|[height, width]| [frames, height, width, 3]);
         let of_lists = [frames, taxels, 3];
         let shape = of_images.as_ref().map_or(&of_lists[..], |shape| &shape[..]);
-        let counts = self.counts.iter().flat_map(|counts| counts.unwrap_or_default());
-        npz.add("counts", shape, counts)?;
-        if self.counts.contains(&None) {
-            let without = self.counts.iter().map(Option::is_none);
-            npz.add(WITHOUT_VALUE, &[frames, taxels], without)?;
+        npz.add_column("counts", shape, &mut self.counts)?;
+        if self.any_without_value {
+            npz.add_column(WITHOUT_VALUE, &[frames, taxels], &mut self.without_value)?;
         }
-        npz.add("t_ns", &[frames], self.t_ns.iter().copied())?;
-        if !self.joints.is_empty() {
-            let joints = self.joints.iter().copied();
-            npz.add("joints", &[frames, each(self.joints.len())], joints)?;
+        npz.add_column("t_ns", &[frames], &mut self.t_ns)?;
+        if self.joints.len() > 0 {
+            let shape = [frames, each(self.joints.len())];
+            npz.add_column("joints", &shape, &mut self.joints)?;
         }
         npz.finish()
     }
@@ -95,14 +121,14 @@ mod tests {
             joints: joints.to_vec(),
             ..TactileFrame::default()
         };
-        let mut frames = FrameArrays::default();
-        frames.push(&frame(5, [[1, 2, 3], [4, 5, 65_535]], [0.5, f32::NAN]));
+        let first = frame(5, [[1, 2, 3], [4, 5, 65_535]], [0.5, f32::NAN]);
         let mut second = frame(1_700_000_000_123_456_789, [[7, 8, 9], [0, 0, 0]], [-1.5, 2.0]);
         for (freshness, counts) in [(Freshness::Fresh, Some([0; 3])), (Freshness::Missing, None)] {
-            let mut frames = frames.clone();
             second.freshness[1] = freshness;
-            frames.push(&second);
-            frames.write_npz(&path).unwrap();
+            let mut frames = FrameArrays::new(&path, None);
+            frames.push(&first).unwrap();
+            frames.push(&second).unwrap();
+            frames.write_npz().unwrap();
             let read = Recording::open(&path, &ReadOptions::default()).unwrap();
             assert_eq!(
                 (read.len(), read.taxels(), read.t_ns(1)),

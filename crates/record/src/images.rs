@@ -1,52 +1,55 @@
 //! Tactile images as `.npy`, `.npz` and `.csv`.
 
 use crate::error::RecordError;
-use crate::npz_writer::{NpzWriter, write_npy};
+use crate::npz_writer::{NpzWriter, write_column};
+use crate::spool::Column;
 use std::fs::File;
-use std::io::{BufWriter, Write};
-use std::path::Path;
+use std::io::{self, Write};
+use std::path::{Path, PathBuf};
 use taxel_hand::TactileImage;
 
 /// Fields of one actuator in the `actuators` array: id, x, y, level, force.
 const ACTUATOR_FIELDS: usize = 5;
 
-/// Tactile images of one shape, collected to be written together.
-#[derive(Debug, Clone)]
+/// Tactile images of one shape, collected to be written together. They are put aside on the disk, beside the file.
+#[derive(Debug)]
 pub struct ImageStack {
+    path: PathBuf,
     width: usize,
     height: usize,
     max_levels: usize,
     max_actuators: usize,
-    pixels: Vec<u8>,
-    levels: Vec<f64>,
-    actuators: Vec<f64>,
-    seq: Vec<u64>,
-    t_ns: Vec<u64>,
-    contacts: Vec<u16>,
-    faulty: Vec<u16>,
-    missing: Vec<u16>,
+    pixels: Column<u8>,
+    levels: Column<f64>,
+    actuators: Column<f64>,
+    seq: Column<u64>,
+    t_ns: Column<u64>,
+    contacts: Column<u16>,
+    faulty: Column<u16>,
+    missing: Column<u16>,
     /// Of every image as many as of the first.
-    joints: Vec<f32>,
+    joints: Column<f32>,
 }
 
 impl ImageStack {
-    /// An empty stack of images `height x width` with at most `max_levels` force levels (`K_D`) and
+    /// An empty stack for this file, of images `height x width` with at most `max_levels` force levels (`K_D`) and
     /// `max_actuators` actuators (`K_A`).
-    pub fn new(width: u16, height: u16, max_levels: u16, max_actuators: u16) -> Self {
+    pub fn new(path: &Path, width: u16, height: u16, max_levels: u16, max_actuators: u16) -> Self {
         Self {
+            path: path.into(),
             width: width.into(),
             height: height.into(),
             max_levels: max_levels.into(),
             max_actuators: max_actuators.into(),
-            pixels: Vec::new(),
-            levels: Vec::new(),
-            actuators: Vec::new(),
-            seq: Vec::new(),
-            t_ns: Vec::new(),
-            contacts: Vec::new(),
-            faulty: Vec::new(),
-            missing: Vec::new(),
-            joints: Vec::new(),
+            pixels: Column::beside(path),
+            levels: Column::beside(path),
+            actuators: Column::beside(path),
+            seq: Column::beside(path),
+            t_ns: Column::beside(path),
+            contacts: Column::beside(path),
+            faulty: Column::beside(path),
+            missing: Column::beside(path),
+            joints: Column::beside(path),
         }
     }
 
@@ -57,15 +60,18 @@ impl ImageStack {
 
     /// Whether there is no image yet.
     pub fn is_empty(&self) -> bool {
-        self.seq.is_empty()
+        self.len() == 0
     }
 
     /// Adds an image.
     ///
+    /// # Errors
+    /// Where the disk does not take it.
+    ///
     /// # Panics
     /// When it has another shape, or more levels or actuators, than the stack was made for, or
     /// another number of joints than the image before.
-    pub fn push(&mut self, image: &TactileImage) {
+    pub fn push(&mut self, image: &TactileImage) -> Result<(), RecordError> {
         assert_eq!(
             (image.width as usize, image.height as usize),
             (self.width, self.height),
@@ -81,92 +87,131 @@ impl ImageStack {
             "{} actuators",
             image.actuators.len()
         );
-        self.pixels.extend_from_slice(&image.pixels);
-        self.levels.extend_from_slice(&image.levels);
-        for a in &image.actuators {
-            self.actuators
-                .extend([a.id.into(), a.x.into(), a.y.into(), a.level.into(), a.force]);
-        }
-        self.seq.push(image.seq);
-        self.levels.resize(self.seq.len() * self.max_levels, f64::NAN);
-        self.actuators
-            .resize(self.seq.len() * self.max_actuators * ACTUATOR_FIELDS, f64::NAN);
-        self.t_ns.push(image.t_ns);
-        self.contacts.push(image.contacts);
-        self.faulty.push(image.faulty);
-        self.missing.push(image.missing);
-        self.joints.extend_from_slice(&image.joints);
+        self.put(image).map_err(RecordError::io(&self.path))?;
         assert_eq!(
             self.joints.len(),
             self.len() * image.joints.len(),
             "number of joints"
         );
+        Ok(())
     }
 
-    fn shape(&self) -> [usize; 3] {
-        [self.len(), self.height, self.width]
+    fn put(&mut self, image: &TactileImage) -> io::Result<()> {
+        let filled = |count: usize| std::iter::repeat_n(f64::NAN, count);
+        let levels = image.levels.iter().copied();
+        let actuators = (image.actuators.iter())
+            .flat_map(|a| [a.id.into(), a.x.into(), a.y.into(), a.level.into(), a.force]);
+        let lacking = self.max_actuators - image.actuators.len();
+        self.pixels.extend(image.pixels.iter().copied())?;
+        self.levels
+            .extend(levels.chain(filled(self.max_levels - image.levels.len())))?;
+        self.actuators
+            .extend(actuators.chain(filled(lacking * ACTUATOR_FIELDS)))?;
+        self.seq.extend([image.seq])?;
+        self.t_ns.extend([image.t_ns])?;
+        self.contacts.extend([image.contacts])?;
+        self.faulty.extend([image.faulty])?;
+        self.missing.extend([image.missing])?;
+        self.joints.extend(image.joints.iter().copied())
     }
 
     /// Writes the images alone: `.npy`, `T x H x W` u8.
-    pub fn write_npy(&self, path: &Path) -> Result<(), RecordError> {
-        let write = || write_npy(File::create(path)?, &self.shape(), self.pixels.iter().copied());
-        write().map_err(RecordError::io(path))
+    pub fn write_npy(&mut self) -> Result<(), RecordError> {
+        let shape = [self.len(), self.height, self.width];
+        let written = File::create(&self.path).and_then(|file| write_column(file, &shape, &mut self.pixels));
+        written.map_err(RecordError::io(&self.path))
     }
 
     /// Writes a compressed `.npz`: `images` `T x H x W` u8; `levels` `T x K_D` f64; `actuators` `T
     /// x K_A x 5` f64 (id, x, y, level, force); `seq` and `t_ns` u64; `contacts`, `faulty` and
     /// `missing` u16; where joints were read, `joints` `T x J` f32, radians. Levels and actuators
     /// that a frame does not have, and unknown angles, are NaN.
-    pub fn write_npz(&self, path: &Path) -> Result<(), RecordError> {
+    pub fn write_npz(&mut self) -> Result<(), RecordError> {
         let frames = self.len();
-        let mut npz = NpzWriter::compressed(path);
-        npz.add("images", &self.shape(), self.pixels.iter().copied())?;
-        let levels = [frames, self.max_levels];
-        npz.add("levels", &levels, self.levels.iter().copied())?;
+        let mut npz = NpzWriter::compressed(&self.path);
+        npz.add_column("images", &[frames, self.height, self.width], &mut self.pixels)?;
+        npz.add_column("levels", &[frames, self.max_levels], &mut self.levels)?;
         let actuators = [frames, self.max_actuators, ACTUATOR_FIELDS];
-        npz.add("actuators", &actuators, self.actuators.iter().copied())?;
-        npz.add("seq", &[frames], self.seq.iter().copied())?;
-        npz.add("t_ns", &[frames], self.t_ns.iter().copied())?;
-        npz.add("contacts", &[frames], self.contacts.iter().copied())?;
-        npz.add("faulty", &[frames], self.faulty.iter().copied())?;
-        npz.add("missing", &[frames], self.missing.iter().copied())?;
-        if !self.joints.is_empty() {
+        npz.add_column("actuators", &actuators, &mut self.actuators)?;
+        npz.add_column("seq", &[frames], &mut self.seq)?;
+        npz.add_column("t_ns", &[frames], &mut self.t_ns)?;
+        npz.add_column("contacts", &[frames], &mut self.contacts)?;
+        npz.add_column("faulty", &[frames], &mut self.faulty)?;
+        npz.add_column("missing", &[frames], &mut self.missing)?;
+        if self.joints.len() > 0 {
             let joints = [frames, self.joints.len() / frames];
-            npz.add("joints", &joints, self.joints.iter().copied())?;
+            npz.add_column("joints", &joints, &mut self.joints)?;
         }
         npz.finish()
     }
+}
 
-    /// Writes a `.csv`: a header, then `t_ns`, the pixels, row by row from the top left, and, where joints were read,
-    /// their angles, radians (`J0`, `J1`, ..), one image a line.
-    pub fn write_csv(&self, path: &Path) -> Result<(), RecordError> {
-        let write = || {
-            let mut file = BufWriter::new(File::create(path)?);
-            write!(file, "t_ns")?;
-            for y in 0..self.height {
-                for x in 0..self.width {
-                    write!(file, ",y{y}x{x}")?;
-                }
+/// Tactile images of one shape as `.csv`, image by image: a header, then `t_ns`, the pixels, row by row from the top left,
+/// and, where joints were read, their angles, radians (`J0`, `J1`, ..), one image a line.
+#[derive(Debug)]
+pub struct ImageTable<W> {
+    out: W,
+    width: u16,
+    height: u16,
+    /// Of every image as many as of the first.
+    joints: Option<usize>,
+}
+
+impl<W: Write> ImageTable<W> {
+    /// A table of images `height x width`.
+    pub fn new(out: W, width: u16, height: u16) -> Self {
+        Self {
+            out,
+            width,
+            height,
+            joints: None,
+        }
+    }
+
+    /// Writes an image.
+    ///
+    /// # Panics
+    /// When it has another shape than the table was made for, or another number of joints than the image before.
+    pub fn push(&mut self, image: &TactileImage) -> io::Result<()> {
+        assert_eq!(
+            (image.width, image.height),
+            (self.width, self.height),
+            "image shape"
+        );
+        let joints = self.begin(image.joints.len())?;
+        assert_eq!(image.joints.len(), joints, "number of joints");
+        write!(self.out, "{}", image.t_ns)?;
+        for pixel in &image.pixels {
+            write!(self.out, ",{pixel}")?;
+        }
+        for angle in &image.joints {
+            write!(self.out, ",{angle}")?;
+        }
+        writeln!(self.out)
+    }
+
+    /// Writes what is left.
+    pub fn finish(&mut self) -> io::Result<()> {
+        self.begin(0)?;
+        self.out.flush()
+    }
+
+    /// Writes the header where there is none yet; the number of joints in it.
+    fn begin(&mut self, joints: usize) -> io::Result<usize> {
+        if let Some(joints) = self.joints {
+            return Ok(joints);
+        }
+        write!(self.out, "t_ns")?;
+        for y in 0..self.height {
+            for x in 0..self.width {
+                write!(self.out, ",y{y}x{x}")?;
             }
-            let joints = self.joints.len() / self.len().max(1);
-            for joint in 0..joints {
-                write!(file, ",J{joint}")?;
-            }
-            writeln!(file)?;
-            let images = self.pixels.chunks_exact(self.width * self.height);
-            for (index, (t_ns, pixels)) in self.t_ns.iter().zip(images).enumerate() {
-                write!(file, "{t_ns}")?;
-                for pixel in pixels {
-                    write!(file, ",{pixel}")?;
-                }
-                for angle in &self.joints[index * joints..(index + 1) * joints] {
-                    write!(file, ",{angle}")?;
-                }
-                writeln!(file)?;
-            }
-            file.flush()
-        };
-        write().map_err(RecordError::io(path))
+        }
+        for joint in 0..joints {
+            write!(self.out, ",J{joint}")?;
+        }
+        writeln!(self.out)?;
+        Ok(*self.joints.insert(joints))
     }
 }
 
@@ -179,16 +224,14 @@ mod tests {
     use taxel_hand::Actuator;
     use tempfile::TempDir;
 
-    fn stack() -> ImageStack {
-        let mut stack = ImageStack::new(2, 3, 2, 2);
+    fn images() -> [TactileImage; 2] {
         let empty = TactileImage {
             width: 2,
             height: 3,
             pixels: vec![0; 6],
             ..Default::default()
         };
-        stack.push(&empty);
-        stack.push(&TactileImage {
+        let full = TactileImage {
             seq: 9,
             t_ns: 1000,
             pixels: vec![0, 255, 0, 0, 0, 128],
@@ -202,8 +245,14 @@ mod tests {
             }],
             contacts: 2,
             missing: 1,
-            ..empty
-        });
+            ..empty.clone()
+        };
+        [empty, full]
+    }
+
+    fn stack(path: &Path) -> ImageStack {
+        let mut stack = ImageStack::new(path, 2, 3, 2, 2);
+        images().iter().for_each(|image| stack.push(image).unwrap());
         stack
     }
 
@@ -211,7 +260,7 @@ mod tests {
     fn what_npz_holds_is_what_was_pushed() {
         let dir = TempDir::new().unwrap();
         let path = dir.path().join("images.npz");
-        stack().write_npz(&path).unwrap();
+        stack(&path).write_npz().unwrap();
         let mut npz = NpzReader::new(File::open(&path).unwrap()).unwrap();
         let images: Array3<u8> = npz.by_name("images").unwrap();
         assert_eq!(
@@ -233,15 +282,16 @@ mod tests {
     fn joint_angles_stand_beside_the_pixels_in_csv_and_are_no_pixels() {
         let dir = TempDir::new().unwrap();
         let path = dir.path().join("images.csv");
-        let mut stack = ImageStack::new(1, 2, 1, 1);
-        stack.push(&TactileImage {
+        let mut table = ImageTable::new(File::create(&path).unwrap(), 1, 2);
+        let image = TactileImage {
             width: 1,
             height: 2,
             pixels: vec![7, 9],
             joints: vec![0.25, -1.0],
             ..Default::default()
-        });
-        stack.write_csv(&path).unwrap();
+        };
+        table.push(&image).unwrap();
+        table.finish().unwrap();
         let text = std::fs::read_to_string(&path).unwrap();
         assert_eq!(text, "t_ns,y0x0,y1x0,J0,J1\n0,7,9,0.25,-1\n");
         let recording = Recording::open(&path, &ReadOptions::default()).unwrap();
@@ -253,9 +303,11 @@ mod tests {
     fn every_format_reads_back_as_a_recording() {
         let dir = TempDir::new().unwrap();
         let path = |name: &str| dir.path().join(name);
-        stack().write_npy(&path("images.npy")).unwrap();
-        stack().write_npz(&path("images.npz")).unwrap();
-        stack().write_csv(&path("images.csv")).unwrap();
+        stack(&path("images.npy")).write_npy().unwrap();
+        stack(&path("images.npz")).write_npz().unwrap();
+        let mut table = ImageTable::new(File::create(path("images.csv")).unwrap(), 2, 3);
+        images().iter().for_each(|image| table.push(image).unwrap());
+        table.finish().unwrap();
         for (name, array) in [
             ("images.npy", None),
             ("images.npz", Some("images")),
@@ -274,5 +326,32 @@ mod tests {
             );
             assert!(!recording.has_times() || recording.t_ns(1) == 1000, "{name}");
         }
+    }
+
+    #[test]
+    fn many_images_are_not_in_memory_and_come_out_as_they_were() {
+        let dir = TempDir::new().unwrap();
+        let path = dir.path().join("images.npz");
+        let mut stack = ImageStack::new(&path, 32, 32, 1, 1);
+        let mut image = TactileImage {
+            width: 32,
+            height: 32,
+            pixels: vec![0; 1024],
+            ..Default::default()
+        };
+        for n in 0..2000_u64 {
+            (image.seq, image.pixels[1000]) = (n, n as u8);
+            stack.push(&image).unwrap();
+        }
+        assert!(stack.pixels.is_on_disk() && !stack.seq.is_on_disk());
+        // Whatever ends the process now leaves nothing.
+        assert_eq!(std::fs::read_dir(dir.path()).unwrap().count(), 0);
+        stack.write_npz().unwrap();
+        let mut npz = NpzReader::new(File::open(&path).unwrap()).unwrap();
+        let images: Array3<u8> = npz.by_name("images").unwrap();
+        assert_eq!(images.dim(), (2000, 32, 32));
+        assert!((0..2000).all(|n| images[[n, 31, 8]] == n as u8));
+        let seq: ndarray::Array1<u64> = npz.by_name("seq").unwrap();
+        assert!(seq.iter().copied().eq(0..2000));
     }
 }

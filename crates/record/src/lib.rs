@@ -8,7 +8,7 @@
 //! [`Labelled`] is frames with the classes they are of; [`NumberArray`] any array, for files that are no recordings, and
 //! [`NpzWriter`] writes such files.
 //!
-//! [`ImageStack`] collects tactile images and writes them as `.npy`, `.npz` or `.csv`; [`FrameTable`] writes tactile
+//! [`ImageStack`] collects tactile images and writes them as `.npy` or `.npz`, [`ImageTable`] as `.csv`; [`FrameTable`] writes tactile
 //! frames, counts and joint angles, as `.csv`, [`FrameArrays`] as `.npz`, and `FrameColumns`, with the feature `parquet`, as
 //! `.parquet`.
 
@@ -30,6 +30,7 @@ mod npz_writer;
 mod number_array;
 mod open;
 mod recording;
+mod spool;
 mod table;
 
 pub use error::RecordError;
@@ -37,7 +38,7 @@ pub use frame_arrays::FrameArrays;
 #[cfg(feature = "parquet")]
 pub use frame_columns::FrameColumns;
 pub use frames::FrameTable;
-pub use images::ImageStack;
+pub use images::{ImageStack, ImageTable};
 pub use labelled::Labelled;
 pub use npz_writer::{NpzWriter, Number, write_npy};
 pub use number_array::NumberArray;
