@@ -105,7 +105,7 @@ fn images(to: &mut Families, status: &Status) {
         ("subscribers", "Who is sent images.", sent.subscribers as f64),
         (
             "image_gap_longest_seconds",
-            "The longest that a subscriber was without an image between two.",
+            "The longest that a subscriber was without an image between two, since the daemon's start.",
             sent.longest_gap_ms / 1e3,
         ),
         (
