@@ -44,6 +44,7 @@ impl Head {
         }
         let mut reader = RecordingReader::open(path, &[Topic::Can, Topic::Hello, Topic::Frames])?;
         let (mut began_ns, mut has_frames) = (None, false);
+        let may_describe = reader.may_hold(Topic::Hello);
         while let Some(item) = reader.next_item()? {
             match item {
                 Item::Attached(attached) => head.take(attached),
@@ -59,7 +60,8 @@ impl Head {
                         }
                         _ => has_frames |= topic == Topic::Frames,
                     }
-                    let is_known = head.has_can && (head.hello.is_some() || head.config.is_some());
+                    let is_described = head.hello.is_some() || (head.config.is_some() && !may_describe);
+                    let is_known = head.has_can && is_described;
                     if is_known || wall_ns.saturating_sub(*began_ns.get_or_insert(wall_ns)) > HEAD_NS {
                         break;
                     }
@@ -80,7 +82,8 @@ impl Head {
         }
     }
 
-    /// The configuration that it was recorded with, where it is in there. Says where it is damaged, and then left out.
+    /// The configuration that it was recorded with, where it is in there. It is left out, and that is told, where it is
+    /// damaged, and where it is of another hand than the daemon described.
     pub fn config(&self) -> anyhow::Result<Option<Config>> {
         let path = self.path.display();
         let parsed = self.config.as_ref().map(|text| {
@@ -88,15 +91,31 @@ impl Head {
                 self.hand_of(name)
             })
         });
-        match parsed.transpose() {
+        let config = match parsed.transpose() {
             Ok(None) | Err(_) if self.is_damaged => {
                 eprintln!(
                     "taxel: {path}: the configuration in it is damaged and left out; --config gives one"
                 );
-                Ok(None)
+                return Ok(None);
             }
-            parsed => Ok(parsed?),
+            parsed => parsed?,
+        };
+        let (Some(hand), Some(hello)) = (config.as_ref().map(|config| &config.layout), &self.hello) else {
+            return Ok(config);
+        };
+        if is_of(hello, hand) {
+            return Ok(config);
         }
+        let read = match hello.layout == hand.name {
+            true => "one of that name with other modules or places".into(),
+            false => format!("hand {}", hello.layout),
+        };
+        eprintln!(
+            "taxel: {path}: the configuration in it is of hand {}, and the daemon read {read}; it is left out, and \
+             --config gives another",
+            hand.name
+        );
+        Ok(None)
     }
 
     /// The hand that the configuration in it names.

@@ -174,6 +174,34 @@ fn a_recording_of_a_hand_that_is_not_here_is_refused_with_its_name_and_read_with
 }
 
 #[test]
+fn a_configuration_of_another_hand_than_the_daemon_described_is_left_out_and_told() {
+    let dir = TempDir::new().unwrap();
+    let hand = Layout::builtin("uskin-module").unwrap();
+    let module = Layout::builtin_text("uskin-module").unwrap();
+    let turned = module.replace("at = [0, 0]", "at = [0, 0]\nrotation = 90");
+    let fingertip = "layout = \"uskin-fingertip\"\n[[bus]]\nsource = \"udp:\"\n";
+    let mine = "layout = \"mine.toml\"\n[[bus]]\nsource = \"udp:\"\n";
+    let cases: [(&[(&str, &str)], _); 2] = [
+        (
+            &[("taxeld.toml", fingertip)],
+            "is of hand uskin-fingertip, and the daemon read hand uskin-module",
+        ),
+        (
+            &[("taxeld.toml", mine), ("layout.toml", &turned)],
+            "is of hand uskin-module, and the daemon read one of that name with other modules or places",
+        ),
+    ];
+    for (attached, said) in cases {
+        record(&dir, &hand, attached);
+        let said = format!("hand.mcap: the configuration in it {said}; it is left out");
+        for args in READERS {
+            let (_, err) = succeeds(&dir, args);
+            assert!(err.contains(&said), "{args:?}: {err}");
+        }
+    }
+}
+
+#[test]
 fn a_damaged_description_does_not_undo_the_whole_one_before() {
     let dir = TempDir::new().unwrap();
     let file = File::create(dir.path().join("hand.mcap")).unwrap();
