@@ -98,6 +98,9 @@ impl InputArgs {
             self.refuse_file_options(&format!("{}, a recording", path.display()))?;
         }
         if let Some(head) = self.head()? {
+            if let Some(why) = &head.unread_can {
+                bail!("{}: nothing of it could be read: {why}", path.display());
+            }
             return Ok(match head.has_can {
                 true => Input::Log(Traffic::mcap(path)),
                 false => Input::Frames(recorded::frames(path)?),

@@ -29,6 +29,8 @@ pub struct Head {
     is_undescribed: bool,
     /// Whether there is CAN traffic in it.
     pub has_can: bool,
+    /// What is left out of it, where that is all of its CAN traffic, and no frame was read either.
+    pub unread_can: Option<String>,
 }
 
 impl Head {
@@ -70,6 +72,9 @@ impl Head {
         }
         head.is_undescribed =
             head.hello.is_none() && !reader.left_out().is_empty() && reader.may_hold(Topic::Hello);
+        if !head.has_can && !has_frames && reader.may_hold(Topic::Can) {
+            head.unread_can = reader.left_out().into_iter().next();
+        }
         Ok(head)
     }
 

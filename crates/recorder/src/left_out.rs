@@ -1,6 +1,7 @@
 //! What of a file could not be read: bytes that are damaged, and an end that is missing.
 
 use std::fmt;
+use taxel_hand::plural;
 
 /// Places of a file that are named; a file of one place in each megabyte is not listed whole.
 const MOST_NAMED: usize = 4;
@@ -10,6 +11,8 @@ const MOST_NAMED: usize = 4;
 pub(crate) struct LeftOut {
     /// Damaged records that were passed over: their first byte, that behind the last, and what is wrong.
     damaged: Vec<(u64, u64, String)>,
+    /// Chunks that are compressed in a way of which nothing is known here, and the name of the first one's.
+    unknown: Option<(String, usize)>,
     /// From where on nothing was read.
     end: Option<End>,
     /// Messages whose topic stood in what was passed over.
@@ -32,6 +35,11 @@ impl LeftOut {
     /// A record whose content is damaged.
     pub(crate) fn record(&mut self, from: u64, to: u64, why: String) {
         self.damaged.push((from, to, why));
+    }
+
+    /// A chunk whose compression, of this name, is not read.
+    pub(crate) fn compressed(&mut self, name: String) {
+        self.unknown.get_or_insert((name, 0)).1 += 1;
     }
 
     /// The file has no end: whoever wrote it was interrupted.
@@ -75,9 +83,15 @@ impl LeftOut {
                 others.len()
             ));
         }
+        if let Some((name, chunks)) = &self.unknown {
+            sentences.push(format!(
+                "{} left out, compressed with {name:?}; what is not compressed is read, and lz4 and zstd",
+                plural(*chunks, "chunk")
+            ));
+        }
         if self.of_no_topic > 0 {
             sentences.push(format!(
-                "{} messages are left out, since what they are about stood in damaged bytes",
+                "{} messages are left out, since what they are about stood in what is left out",
                 self.of_no_topic
             ));
         }

@@ -22,6 +22,7 @@ mod store;
 mod store_error;
 mod tactile;
 mod writer;
+mod zstd;
 
 pub use can_block::{CanBlock, CanFrames};
 pub use can_reader::CanReader;

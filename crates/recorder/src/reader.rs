@@ -4,6 +4,7 @@ use crate::left_out::LeftOut;
 use crate::schema::Topic;
 use crate::series::parts;
 use crate::writer::Attached;
+use crate::zstd::Zstd;
 use mcap::records::op;
 use mcap::sans_io::linear_reader::{LinearReadEvent, LinearReader, LinearReaderOptions};
 use mcap::{MAGIC, McapError};
@@ -104,6 +105,8 @@ impl Chunk {
     fn new(data: &[u8], from: u64, to: u64) -> Self {
         let options = options().with_skip_start_magic(true).with_skip_end_magic(true);
         let mut records = LinearReader::new_with_options(options.with_prevalidate_chunk_crcs(true));
+        let added = records.add_decompressor(Zstd::with_window(LONGEST as u64));
+        debug_assert!(added.is_ok(), "it has a name");
         let bytes = records.insert(RECORD_HEAD + data.len());
         bytes[0] = op::CHUNK;
         bytes[1..RECORD_HEAD].copy_from_slice(&(data.len() as u64).to_le_bytes());
@@ -270,7 +273,7 @@ impl RecordingReader {
             Some(Ok(LinearReadEvent::Record { opcode, data })) => {
                 match look(opcode, data, &self.channels, &mut self.message) {
                     Some(found) => return found,
-                    None => CUT_OFF.to_owned(),
+                    None => Ok(()),
                 }
             }
             // It has all of its bytes: where more are asked for it has ended, or says that it is longer than it is.
@@ -282,10 +285,15 @@ impl RecordingReader {
                 self.chunk = None;
                 return Found::Other;
             }
-            Some(Err(McapError::UnexpectedEof)) => CUT_OFF.to_owned(),
-            Some(Err(error)) => error.to_string(),
+            Some(Err(error)) => Err(error),
         };
-        self.left_out.record(chunk.from, chunk.to, problem);
+        match problem {
+            Err(McapError::UnsupportedCompression(name)) => self.left_out.compressed(name),
+            Ok(()) | Err(McapError::UnexpectedEof) => {
+                self.left_out.record(chunk.from, chunk.to, CUT_OFF.into())
+            }
+            Err(error) => self.left_out.record(chunk.from, chunk.to, error.to_string()),
+        }
         self.chunk = None;
         // The chunk may have said which topics later messages are of; the summary says it again.
         for (id, topic) in channels_of_summary(&self.file).unwrap_or_default() {

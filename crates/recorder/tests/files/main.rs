@@ -1,5 +1,6 @@
 //! What is written reads back, also where it was torn off or the disk was full.
 
+mod compressed;
 mod damage;
 
 use std::cell::RefCell;
