@@ -13,10 +13,12 @@ macro_rules! eprintln {
 }
 
 pub mod array_frames;
+mod bus_orders;
 pub mod calibrated;
 mod fitted;
 mod frame_file;
 pub mod head;
+mod heard;
 pub mod image_line;
 pub mod image_output;
 pub mod interrupt;

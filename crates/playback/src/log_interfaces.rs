@@ -1,108 +1,21 @@
 //! Which interface of recorded traffic is which bus of a hand: by its name, by the boards that it carries, or as the
 //! command line says.
 
+use crate::bus_orders::Orders;
+use crate::heard::{AsBus, Heard};
 use crate::traffic::{Traffic, Wanted};
 use anyhow::bail;
 use std::collections::BTreeSet;
 use std::path::Path;
-use taxel_can::{CanFrame, EXTENDED_FLAG, LogFrame, id_text};
+use taxel_can::id_text;
 use taxel_config::Config;
 use taxel_hand::plural;
-use taxel_skin::{Decoded, Decoder, Layout, Readings};
+use taxel_skin::{Layout, Readings};
 
-/// Frames of an interface that are looked at, or more until one is a board's.
-const SURVEYED: u64 = 50_000;
-/// Ids of nobody that are told apart.
-const MOST_IDS: usize = 4096;
 /// Ids that an error names.
 const NAMED_IDS: usize = 6;
-/// A board that is not heard speaks against a bus as so many ids of nobody do.
-const BOARD_IDS: usize = 4;
 /// So many interfaces are named in an error; a whole vehicle has hundreds.
 const MOST_NAMED: usize = 12;
-/// Most buses whose orders are all tried.
-const MOST_BUSES: usize = 8;
-
-/// One interface of a log.
-struct Heard {
-    name: String,
-    frames: u64,
-    /// By bus of the layout.
-    as_bus: Vec<AsBus>,
-}
-
-/// What an interface carries, read as a bus of the layout.
-struct AsBus {
-    decoder: Decoder,
-    modules: BTreeSet<u16>,
-    /// Frames that have a board's id and not what its protocol says, and the first of them with its board.
-    malformed: u64,
-    first_malformed: Option<(u16, CanFrame)>,
-    /// Ids of nobody on that bus, extended ones with their flag.
-    foreign: BTreeSet<u32>,
-}
-
-impl Heard {
-    fn new(name: &str, layout: &Layout) -> Self {
-        let as_bus = |bus| AsBus {
-            decoder: Decoder::new(layout, bus),
-            modules: BTreeSet::new(),
-            malformed: 0,
-            first_malformed: None,
-            foreign: BTreeSet::new(),
-        };
-        Self {
-            name: name.into(),
-            frames: 0,
-            as_bus: (0..layout.buses.len() as u8).map(as_bus).collect(),
-        }
-    }
-
-    fn carries_boards(&self) -> bool {
-        self.as_bus.iter().any(|bus| !bus.modules.is_empty())
-    }
-
-    fn is_known(&self) -> bool {
-        self.frames > SURVEYED && self.carries_boards()
-    }
-
-    fn take(&mut self, frame: &LogFrame, layout: &Layout, readings: &mut Readings) -> Wanted {
-        self.frames += 1;
-        if self.is_known() {
-            return Wanted::Others;
-        }
-        for bus in &mut self.as_bus {
-            match bus.decoder.decode_at(frame.t_ns, &frame.frame, readings) {
-                Decoded::Readings => {
-                    let modules = readings
-                        .iter()
-                        .map(|r| layout.taxels[usize::from(r.taxel)].module);
-                    bus.modules.extend(modules);
-                }
-                Decoded::Malformed { board } => {
-                    bus.malformed += 1;
-                    bus.first_malformed.get_or_insert((board, frame.frame));
-                }
-                Decoded::Unknown if bus.foreign.len() < MOST_IDS => {
-                    let flag = if frame.frame.is_extended() {
-                        EXTENDED_FLAG
-                    } else {
-                        0
-                    };
-                    bus.foreign.insert(frame.frame.id() | flag);
-                }
-                _ => {}
-            }
-        }
-        Wanted::More
-    }
-
-    /// How much speaks against its being this bus.
-    fn misfit(&self, bus: usize, boards: &[usize]) -> usize {
-        let as_bus = &self.as_bus[bus];
-        as_bus.foreign.len() + BOARD_IDS * boards[bus].saturating_sub(as_bus.modules.len())
-    }
-}
 
 /// What a log is to a hand.
 struct Survey<'a> {
@@ -117,8 +30,9 @@ struct Survey<'a> {
 ///
 /// An interface belongs to the bus of its name; a log of one interface to a hand of one bus. `pairs` (interface, bus)
 /// say otherwise. Where a bus has no interface and an interface with boards of the hand no bus, names were changed on
-/// the way: then the boards decide, or the log is refused. `joints` is an interface of which nothing is said. Frames that
-/// are of nobody are told, but for the bus that the configuration's joints share with the skin.
+/// the way: then the boards decide, or the log is refused. `joints` is an interface of which nothing is said. It is told
+/// where the boards speak against `pairs`, where two of them send as one, and which frames are of nobody, but for the bus
+/// that the configuration's joints share with the skin.
 pub fn interfaces_of_buses(
     traffic: &Traffic,
     config: &Config,
@@ -149,6 +63,7 @@ pub fn interfaces_of_buses(
     })?;
     survey.check_pairs(pairs)?;
     let mut chosen = survey.by_name(pairs);
+    survey.correct_by_boards(&mut chosen, pairs)?;
     if chosen.iter().all(Option::is_none) {
         bail!(
             "{}: its interfaces ({}) are none of the buses of layout {} ({}); say which is which with \
@@ -157,12 +72,18 @@ pub fn interfaces_of_buses(
             survey.names(),
             layout.name,
             layout.buses.join(", "),
-            survey.heard.first().map_or("NAME", |heard| &heard.name),
+            survey
+                .heard
+                .iter()
+                .map(|heard| heard.name.as_str())
+                .min()
+                .unwrap_or("NAME"),
             layout.buses.first().map_or("BUS", String::as_str),
         );
     }
-    survey.correct_by_boards(&mut chosen, pairs)?;
+    survey.tell_pairs_against_boards(&chosen, pairs);
     survey.refuse_other_hands(&chosen)?;
+    survey.tell_doubled(&chosen);
     survey.tell_left_out(&chosen, joints);
     let shared = config.joints_bus().filter(|bus| bus.shared);
     survey.tell_foreign(&chosen, shared.map(|bus| usize::from(bus.index)));
@@ -250,20 +171,12 @@ impl Survey<'_> {
         if !open.iter().any(is_empty) || carrying.iter().all(has_place) {
             return Ok(());
         }
-        let mut boards = vec![0; buses.len()];
-        for (_, _, wiring) in self.layout.boards() {
-            boards[usize::from(wiring.bus)] += 1;
-        }
-        let misfit = |place: usize, bus: usize| self.heard[place].misfit(bus, &boards);
-        let mut best = Orders::default();
-        if buses.len() <= MOST_BUSES && carrying.len() <= open.len() {
-            best.try_all(&carrying, &open, &mut Vec::new(), 0, &misfit);
-        }
+        let boards = self.boards_of_buses();
+        let best = Orders::of(&carrying, &open, &|place, bus| {
+            self.heard[place].misfit(bus, &boards)
+        });
         let name = |place: usize| &self.heard[place].name;
         let Some(order) = best.only() else {
-            let say: Vec<String> = (carrying.iter().zip(&open))
-                .map(|(place, bus)| format!("--interface {}={}", name(*place), buses[*bus]))
-                .collect();
             bail!(
                 "{}: its interfaces ({}) are not all buses of layout {} ({}), and their boards do not tell which is \
                  which; say so, such as with {}",
@@ -271,7 +184,7 @@ impl Survey<'_> {
                 self.names(),
                 self.layout.name,
                 buses.join(", "),
-                say.join(" ")
+                self.as_options(&carrying, &open)
             );
         };
         for bus in &open {
@@ -286,12 +199,84 @@ impl Survey<'_> {
                 said.push(format!("{} is taken for bus {}", name(*place), buses[*bus]));
             }
         }
+        let why = match open.len() {
+            1 => "which alone is left",
+            _ => "by the boards that it carries",
+        };
         eprintln!(
-            "taxel: {}: {}, by the boards that it carries; --interface NAME=BUS says otherwise",
+            "taxel: {}: {}, {why}; --interface NAME=BUS says otherwise",
             self.path.display(),
             said.join(", ")
         );
         Ok(())
+    }
+
+    /// Number of boards of each bus.
+    fn boards_of_buses(&self) -> Vec<usize> {
+        let mut boards = vec![0; self.layout.buses.len()];
+        for (_, _, wiring) in self.layout.boards() {
+            boards[usize::from(wiring.bus)] += 1;
+        }
+        boards
+    }
+
+    /// Says where the command line names interfaces otherwise than their boards do.
+    fn tell_pairs_against_boards(&self, chosen: &[Option<usize>], pairs: &[(String, String)]) {
+        let mut carrying: Vec<usize> = (0..self.heard.len())
+            .filter(|place| self.heard[*place].carries_boards())
+            .collect();
+        carrying.sort_by_key(|place| &self.heard[*place].name);
+        let bus_of = |place: &usize| chosen.iter().position(|chosen| *chosen == Some(*place));
+        let Some(taken) = carrying.iter().map(bus_of).collect::<Option<Vec<usize>>>() else {
+            return;
+        };
+        let all: Vec<usize> = (0..chosen.len()).collect();
+        let boards = self.boards_of_buses();
+        let best = Orders::of(&carrying, &all, &|place, bus| {
+            self.heard[place].misfit(bus, &boards)
+        });
+        if let Some(order) = best.only().filter(|order| !pairs.is_empty() && *order != taken) {
+            eprintln!(
+                "taxel: {}: the boards that the interfaces carry speak for {}",
+                self.path.display(),
+                self.as_options(&carrying, order)
+            );
+        }
+    }
+
+    /// Interfaces and their buses, as the command line names them.
+    fn as_options(&self, interfaces: &[usize], buses: &[usize]) -> String {
+        let option = |(place, bus): (&usize, &usize)| {
+            let (name, bus) = (&self.heard[*place].name, &self.layout.buses[*bus]);
+            format!("--interface {name}={bus}")
+        };
+        let options: Vec<String> = interfaces.iter().zip(buses).map(option).collect();
+        options.join(" ")
+    }
+
+    /// Says under which boards' addresses two of them send.
+    fn tell_doubled(&self, chosen: &[Option<usize>]) {
+        for (bus, place) in chosen.iter().enumerate() {
+            let Some(heard) = place.map(|place| &self.heard[place]) else {
+                continue;
+            };
+            let doubled = &heard.as_bus[bus].doubled;
+            let names = doubled
+                .iter()
+                .map(|module| self.layout.modules[usize::from(*module)].name.as_str());
+            let names: Vec<&str> = names.take(MOST_NAMED).collect();
+            if !names.is_empty() {
+                eprintln!(
+                    "taxel: {}: on {} two boards answer as each of {} ({}{}): their values alternate, and images of them \
+                     are wrong; two buses may have been written as one",
+                    self.path.display(),
+                    heard.name,
+                    plural(doubled.len(), "module"),
+                    names.join(", "),
+                    if names.len() < doubled.len() { ", .." } else { "" }
+                );
+            }
+        }
     }
 
     /// Each bus that has an interface, read as that bus.
@@ -410,54 +395,4 @@ fn ids_of_nobody(ids: &BTreeSet<u32>) -> String {
         plural(ids.len(), "id"),
         named.join(", ")
     )
-}
-
-/// The orders of buses for interfaces that fit best.
-#[derive(Default)]
-struct Orders {
-    misfit: Option<usize>,
-    best: Vec<Vec<usize>>,
-}
-
-impl Orders {
-    fn try_all(
-        &mut self,
-        interfaces: &[usize],
-        buses: &[usize],
-        taken: &mut Vec<usize>,
-        so_far: usize,
-        misfit: &dyn Fn(usize, usize) -> usize,
-    ) {
-        if self.misfit.is_some_and(|best| so_far > best) {
-            return;
-        }
-        let Some(interface) = interfaces.get(taken.len()) else {
-            if self.misfit.is_none_or(|best| so_far < best) {
-                (self.misfit, self.best) = (Some(so_far), Vec::new());
-            }
-            self.best.push(taken.clone());
-            return;
-        };
-        for bus in buses {
-            if !taken.contains(bus) {
-                taken.push(*bus);
-                self.try_all(
-                    interfaces,
-                    buses,
-                    taken,
-                    so_far + misfit(*interface, *bus),
-                    misfit,
-                );
-                taken.pop();
-            }
-        }
-    }
-
-    /// The best order, if no other is as good.
-    fn only(&self) -> Option<&[usize]> {
-        match &self.best[..] {
-            [only] => Some(only),
-            _ => None,
-        }
-    }
 }

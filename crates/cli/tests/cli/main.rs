@@ -15,6 +15,7 @@ mod figures;
 mod files;
 mod forearm;
 mod forearm_scene;
+mod interfaces;
 mod manual;
 mod metrics;
 mod publication;
