@@ -160,11 +160,12 @@ fn counts(skin: &[usize], axes: &[Option<Axis>], names: &[&str]) -> Result<Vec<u
 }
 
 /// Names that say that a column is time, and not in which unit: seconds.
-fn is_unitless(name: &str) -> bool {
+pub(crate) fn is_unitless(name: &str) -> bool {
     ["t", "time", "timestamp"].contains(&name.to_ascii_lowercase().as_str())
 }
 
-fn time_unit(name: &str) -> Option<TimeUnit> {
+/// Whether a name says that what is called so is time, and in which unit.
+pub(crate) fn time_unit(name: &str) -> Option<TimeUnit> {
     match name.to_ascii_lowercase().as_str() {
         "t_s" | "time_s" => Some(TimeUnit::S),
         "t_ms" | "time_ms" => Some(TimeUnit::Ms),

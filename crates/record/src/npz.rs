@@ -1,9 +1,10 @@
 //! Arrays of numpy's `.npz`: a zip archive of npy files.
 
+use crate::csv_columns::{is_unitless, time_unit};
 use crate::error::{RecordError, show_shape};
 use crate::meaning::Meaning;
 use crate::npy::Array;
-use crate::table::{ReadOptions, Table, Void};
+use crate::table::{ReadOptions, Table, TimeUnit, Void};
 use std::fs::File;
 use std::io::{BufReader, Read};
 use std::path::Path;
@@ -14,8 +15,8 @@ const TIMES: &str = "t_ns";
 const JOINTS: &str = "joints";
 /// The array that is not zero where a taxel had no value of the time of a frame.
 pub(crate) const WITHOUT_VALUE: &str = "without_value";
-/// Arrays that say something of each frame of another one.
-const OF_FRAMES: [&str; 3] = [TIMES, JOINTS, WITHOUT_VALUE];
+/// Arrays that say something of each frame of another one, as times do.
+const OF_FRAMES: [&str; 2] = [JOINTS, WITHOUT_VALUE];
 
 /// Reads the named array of an npz file, or its only one, and what belongs to its frames.
 pub(crate) fn read(path: &Path, options: &ReadOptions) -> Result<Table, RecordError> {
@@ -24,10 +25,9 @@ pub(crate) fn read(path: &Path, options: &ReadOptions) -> Result<Table, RecordEr
         Some(Void::Mask(mask)) => Some(mask),
         _ => None,
     };
-    let frames: Vec<&String> = npz
-        .names
-        .iter()
-        .filter(|n| *n != TIMES && Some(*n) != mask)
+    let time = npz.name_of_times(options.array.as_deref());
+    let frames: Vec<&String> = (npz.names.iter())
+        .filter(|n| Some(*n) != time.as_ref() && Some(*n) != mask)
         .collect();
     let alone: Vec<&String> = (frames.iter().copied())
         .filter(|n| !OF_FRAMES.contains(&n.as_str()))
@@ -41,7 +41,7 @@ pub(crate) fn read(path: &Path, options: &ReadOptions) -> Result<Table, RecordEr
         }
         (None, [only]) => (*only).clone(),
         (None, []) => {
-            let but = if npz.names.is_empty() { "" } else { " but t_ns" };
+            let but = time.map_or_else(String::new, |time| format!(" but {time}"));
             return Err(unreadable(path, &format!("it holds no array{but}")));
         }
         (None, _) => {
@@ -56,9 +56,9 @@ pub(crate) fn read(path: &Path, options: &ReadOptions) -> Result<Table, RecordEr
     let (at, shape) = (array.at.clone(), array.shape().to_vec());
     let meaning = Meaning::of(&at, &shape, None, options)?;
     let values = array.numbers()?;
-    let times_ns = match name != TIMES && npz.has(TIMES) && options.rate_hz.is_none() {
-        true if npz.belongs(TIMES, &name, &shape, meaning)? => Some(npz.array(TIMES)?.times()?),
-        _ => None,
+    let times_ns = match time.filter(|time| *time != name && options.rate_hz.is_none()) {
+        Some(time) => npz.times(&time, &name, &shape, meaning)?,
+        None => None,
     };
     let joints = match name != JOINTS && npz.has(JOINTS) {
         true if npz.belongs(JOINTS, &name, &shape, meaning)? => Some(npz.array(JOINTS)?.numbers()?),
@@ -85,6 +85,14 @@ pub(crate) fn read(path: &Path, options: &ReadOptions) -> Result<Table, RecordEr
         void,
         without_value,
     })
+}
+
+/// The unit of the times that an array of this name gives, where the name says one; none where it gives no times.
+fn time_of_name(name: &str) -> Option<Option<TimeUnit>> {
+    match is_unitless(name.strip_suffix('s').unwrap_or(name)) {
+        true => Some(None),
+        false => time_unit(name).map(Some),
+    }
 }
 
 fn unreadable(path: &Path, reason: &str) -> RecordError {
@@ -131,6 +139,55 @@ impl<'a> Npz<'a> {
         )
     }
 
+    /// The array that gives the time of each frame: [`TIMES`], or else the first of one dimension that is called so. The one of
+    /// the frames is none.
+    fn name_of_times(&mut self, frames: Option<&str>) -> Option<String> {
+        if self.has(TIMES) {
+            return Some(TIMES.into());
+        }
+        let names = self.names.clone().into_iter();
+        let mut named = names.filter(|name| Some(name.as_str()) != frames && time_of_name(name).is_some());
+        named.find(|name| self.array(name).is_ok_and(|array| array.shape().len() == 1))
+    }
+
+    /// The times of the frames of the array `name`, nanoseconds, where they are of that array.
+    fn times(
+        &mut self,
+        time: &str,
+        name: &str,
+        shape: &[usize],
+        meaning: Meaning,
+    ) -> Result<Option<Vec<u64>>, RecordError> {
+        let Some(unit) = time_of_name(time).flatten() else {
+            let array = self.array(time)?;
+            return match array.shape() == [shape[0]] {
+                true => Err(RecordError::unfit(
+                    &array.at,
+                    "is not read, since its name says no unit: call it t_s, t_ms, t_us or t_ns; --rate HZ ignores it",
+                )),
+                false => Ok(None),
+            };
+        };
+        if !self.belongs(time, name, shape, meaning)? {
+            return Ok(None);
+        }
+        let array = self.array(time)?;
+        if unit == TimeUnit::Ns {
+            return array.times().map(Some);
+        }
+        let (at, ns) = (array.at.clone(), 10f64.powi(unit.decimals()));
+        let in_ns = |time: f64| match (time * ns).round() {
+            rounded if (0.0..u64::MAX as f64).contains(&rounded) => Ok(rounded as u64),
+            _ => Err(RecordError::unreadable(&at, format!("{time} is no time"))),
+        };
+        array
+            .numbers()?
+            .into_iter()
+            .map(in_ns)
+            .collect::<Result<_, _>>()
+            .map(Some)
+    }
+
     /// Whether what an array says of each frame is said of those of the array `name`, which has this shape. What is of another
     /// length may be of another array, where the file has one of that length.
     fn belongs(
@@ -144,23 +201,23 @@ impl<'a> Npz<'a> {
         let (at, found) = (array.at.clone(), array.shape().to_vec());
         drop(array);
         let fits = match each {
-            TIMES => found == [shape[0]],
+            JOINTS => found.len() == 2 && found[0] == shape[0],
             WITHOUT_VALUE => found == [shape[0], meaning.taxels],
-            _ => found.len() == 2 && found[0] == shape[0],
+            _ => found == [shape[0]],
         };
         if fits {
             return Ok(true);
         }
         for other in self.names.clone() {
-            let is_frames = other != name && !OF_FRAMES.contains(&other.as_str());
+            let is_frames = other != name && other != each && !OF_FRAMES.contains(&other.as_str());
             if is_frames && !found.is_empty() && self.array(&other)?.shape().first() == found.first() {
                 return Ok(false);
             }
         }
         let (wanted, advice) = match each {
-            TIMES => (format!("{}", shape[0]), "; --rate HZ ignores the times"),
+            JOINTS => (format!("{} x joints", shape[0]), ""),
             WITHOUT_VALUE => (format!("{} x {}", shape[0], meaning.taxels), ""),
-            _ => (format!("{} x joints", shape[0]), ""),
+            _ => (format!("{}", shape[0]), "; --rate HZ ignores the times"),
         };
         let expected = format!("{wanted}, since {name} has {} frames{advice}", shape[0]);
         Err(RecordError::shape(at, &found, &expected))
@@ -197,237 +254,4 @@ impl<'a> Npz<'a> {
 }
 
 #[cfg(test)]
-mod tests {
-    use super::*;
-    use crate::{ReadOptions, Recording};
-    use ndarray::{Array1, Array2, Array3};
-    use ndarray_npy::NpzWriter;
-    use std::io::Write;
-    use tempfile::TempDir;
-
-    fn open(path: &Path) -> Result<Recording, RecordError> {
-        Recording::open(path, &ReadOptions::default())
-    }
-
-    fn npz(path: &Path) {
-        let mut writer = NpzWriter::new_compressed(File::create(path).unwrap());
-        writer
-            .add_array("grasp", &Array3::<u16>::from_elem((2, 5, 3), 7))
-            .unwrap();
-        writer
-            .add_array("slip", &Array2::<f32>::from_elem((4, 5), 0.5))
-            .unwrap();
-        writer.add_array("names", &Array1::<i64>::zeros(3)).unwrap();
-        writer
-            .add_array("t_ns", &Array1::<i64>::from(vec![10, 20, 30, 40]))
-            .unwrap();
-        writer.finish().unwrap();
-    }
-
-    #[test]
-    fn an_npz_of_several_arrays_lists_them_until_one_is_named() {
-        let dir = TempDir::new().unwrap();
-        let path = dir.path().join("many.npz");
-        npz(&path);
-        let message = open(&path).unwrap_err().to_string();
-        for part in ["--array", "grasp  2 x 5 x 3 u16", "slip   4 x 5 f32"] {
-            assert!(message.contains(part), "{message}");
-        }
-        let named = |name: &str| {
-            Recording::open(
-                &path,
-                &ReadOptions {
-                    array: Some(name.into()),
-                    ..Default::default()
-                },
-            )
-        };
-        assert!(named("grasp").unwrap().has_counts());
-        let message = named("grip").unwrap_err().to_string();
-        assert!(
-            message.contains("\"grip\"") && message.contains("grasp"),
-            "{message}"
-        );
-        let message = named("names").unwrap_err().to_string();
-        assert!(
-            message.contains("has shape 3;") && message.contains("[names]"),
-            "{message}"
-        );
-    }
-
-    #[test]
-    fn times_of_an_npz_belong_to_the_array_of_their_length() {
-        let dir = TempDir::new().unwrap();
-        let path = dir.path().join("many.npz");
-        npz(&path);
-        let named = |name: &str| {
-            Recording::open(
-                &path,
-                &ReadOptions {
-                    array: Some(name.into()),
-                    ..Default::default()
-                },
-            )
-            .unwrap()
-        };
-        assert_eq!(named("slip").t_ns(3), 40);
-        assert!(!named("grasp").has_times());
-    }
-
-    #[test]
-    fn times_and_joints_of_no_array_of_the_npz_are_refused() {
-        let dir = TempDir::new().unwrap();
-        let path = dir.path().join("short.npz");
-        let read = |times: usize, joints: (usize, usize), rate_hz: Option<f64>| {
-            let mut writer = NpzWriter::new(File::create(&path).unwrap());
-            let counts = Array3::<u16>::zeros((60, 16, 3));
-            writer.add_array("counts", &counts).unwrap();
-            writer.add_array("t_ns", &Array1::<i64>::zeros(times)).unwrap();
-            writer.add_array("joints", &Array2::<f32>::zeros(joints)).unwrap();
-            writer.finish().unwrap();
-            let options = ReadOptions {
-                rate_hz,
-                ..Default::default()
-            };
-            Recording::open(&path, &options).map_err(|error| error.to_string())
-        };
-        assert_eq!(read(60, (60, 2), None).unwrap().joints(59).len(), 2);
-        assert!(!read(59, (60, 2), Some(10.0)).unwrap().has_times());
-        for (times, joints, wanted) in [
-            (
-                59,
-                (60, 2),
-                "[t_ns] has shape 59; expected 60, since counts has 60 frames; --rate HZ",
-            ),
-            (
-                60,
-                (59, 2),
-                "[joints] has shape 59 x 2; expected 60 x joints, since counts has 60 frames",
-            ),
-            (59, (59, 2), "[t_ns] has shape 59; expected 60"),
-        ] {
-            let message = read(times, joints, None).unwrap_err();
-            assert!(message.contains(wanted), "{message}");
-        }
-    }
-
-    #[test]
-    fn the_only_array_of_an_npz_needs_no_name() {
-        let dir = TempDir::new().unwrap();
-        let path = dir.path().join("one.npz");
-        let mut writer = NpzWriter::new(File::create(&path).unwrap());
-        writer
-            .add_array("slip", &Array2::<f32>::from_elem((4, 5), 0.5))
-            .unwrap();
-        writer
-            .add_array("t_ns", &Array1::<u64>::from(vec![10, 20, 30, 40]))
-            .unwrap();
-        writer.finish().unwrap();
-        let recording = open(&path).unwrap();
-        assert_eq!((recording.taxels(), recording.t_ns(1)), (5, 20));
-        assert!(recording.name().ends_with("one.npz [slip]"));
-    }
-
-    #[test]
-    fn a_member_that_is_longer_than_its_header_says_is_not_unpacked_to_its_end() {
-        let dir = TempDir::new().unwrap();
-        let path = dir.path().join("bomb.npz");
-        let mut zip = zip::ZipWriter::new(File::create(&path).unwrap());
-        let deflated = zip::write::SimpleFileOptions::default();
-        for (name, shape) in [("x", "(2, 3)"), ("y", "(4000, 5000)")] {
-            zip.start_file(format!("{name}.npy"), deflated).unwrap();
-            let text = format!("{{'descr': '|u1', 'fortran_order': False, 'shape': {shape}}}");
-            let header = [
-                b"\x93NUMPY\x01\x00\x76\x00".to_vec(),
-                format!("{text:117}\n").into_bytes(),
-            ]
-            .concat();
-            zip.write_all(&header).unwrap();
-            zip.write_all(&vec![0; 20_000_000]).unwrap();
-        }
-        zip.finish().unwrap();
-        let mut npz = Npz::open(&path).unwrap();
-        assert_eq!(npz.array("y").unwrap().numbers().unwrap().len(), 20_000_000);
-        let array = |name: &str| ReadOptions {
-            array: Some(name.into()),
-            ..Default::default()
-        };
-        let message = Recording::open(&path, &array("x")).unwrap_err().to_string();
-        assert!(message.contains("does not fit"), "{message}");
-        assert!(npz.list().contains("y  4000 x 5000 u8"), "{}", npz.list());
-    }
-
-    #[test]
-    fn an_array_of_the_npz_names_the_cells_that_are_no_taxels() {
-        let dir = TempDir::new().unwrap();
-        let path = dir.path().join("holes.npz");
-        let mut writer = NpzWriter::new(File::create(&path).unwrap());
-        let frames = Array3::<i64>::from_shape_fn((2, 2, 3), |(t, y, x)| (100 * t + 10 * y + x) as i64);
-        writer.add_array("frames", &frames).unwrap();
-        let holes = Array2::from_shape_fn((2, 3), |(y, x)| (y, x) == (0, 1));
-        writer.add_array("holes", &holes).unwrap();
-        writer.add_array("small", &Array2::<u8>::zeros((2, 2))).unwrap();
-        writer.finish().unwrap();
-        let read = |mask: &str| {
-            let options = ReadOptions {
-                array: Some("frames".into()),
-                void: Some(Void::Mask(mask.into())),
-                ..Default::default()
-            };
-            Recording::open(&path, &options)
-        };
-        let recording = read("holes").unwrap();
-        assert_eq!((recording.taxels(), recording.image_shape()), (5, Some((2, 3))));
-        assert_eq!(
-            recording.magnitudes(1).unwrap(),
-            [100.0, 102.0, 110.0, 111.0, 112.0]
-        );
-        for (mask, wanted) in [
-            ("small", "[small] has shape 2 x 2; expected 2 x 3"),
-            ("none", "no array \"none\" for --void"),
-        ] {
-            let message = read(mask).unwrap_err().to_string();
-            assert!(message.contains(wanted), "{message}");
-        }
-    }
-
-    #[test]
-    fn an_npz_without_frames_says_so() {
-        let dir = TempDir::new().unwrap();
-        let path = dir.path().join("none.npz");
-        NpzWriter::new(File::create(&path).unwrap()).finish().unwrap();
-        let message = open(&path).unwrap_err().to_string();
-        assert!(message.contains("holds no array"), "{message}");
-        let mut writer = NpzWriter::new(File::create(&path).unwrap());
-        writer.add_array("t_ns", &Array1::<u64>::zeros(3)).unwrap();
-        writer.finish().unwrap();
-        let message = open(&path).unwrap_err().to_string();
-        assert!(message.contains("no array but t_ns"), "{message}");
-    }
-
-    #[test]
-    fn an_array_says_where_taxels_have_no_value() {
-        let dir = TempDir::new().unwrap();
-        let path = dir.path().join("a.npz");
-        let read = |frames: &Array3<u16>, without: Array2<bool>| {
-            let mut writer = NpzWriter::new(File::create(&path).unwrap());
-            writer.add_array("frames", frames).unwrap();
-            writer.add_array("without_value", &without).unwrap();
-            writer.finish().unwrap();
-            open(&path).map_err(|e| e.to_string())
-        };
-        let without = |taxels| Array2::from_shape_fn((2, taxels), |place| place == (1, 2));
-        let counts = Array3::from_elem((2, 4, 3), 7);
-        let recording = read(&counts, without(4)).unwrap();
-        assert_eq!(recording.counts(0).unwrap(), [Some([7; 3]); 4]);
-        let wanted = [Some([7; 3]), Some([7; 3]), None, Some([7; 3])];
-        assert_eq!(recording.counts(1).unwrap(), wanted);
-        for (frames, taxels, wanted) in [
-            (counts, 5, "[without_value] has shape 2 x 5; expected 2 x 4"),
-            (Array3::from_elem((2, 2, 2), 7), 4, "frame 1, taxel 2 is NaN"),
-        ] {
-            let message = read(&frames, without(taxels)).unwrap_err();
-            assert!(message.contains(wanted), "{message}");
-        }
-    }
-}
+mod tests;
