@@ -58,6 +58,20 @@ def test_no_frames_are_frames(tmp_path):
     assert taxel.load_frames(tmp_path / "a.csv").counts.shape == (0, 2, 3)
 
 
+def test_a_table_that_another_program_saved_anew_is_the_same_frames(tmp_path):
+    names = ",".join(f'"{name}"' for name in HEADER.split(","))
+    text = f"{names}\r\n0.0,0.0,1.0,2.0,3.0,4.0,5.0\r\n{TIMES[1]}.0,6,7,8,9,10,11\r\n"
+    (tmp_path / "a.csv").write_bytes(b"\xef\xbb\xbf" + text.encode())
+    check(taxel.load_frames(tmp_path / "a.csv"), np.zeros((2, 0), np.float32))
+
+
+def test_what_makes_frames_is_advised_where_it_does(tmp_path):
+    for name, advised in [("a.mcap", True), ("a.log", True), ("a.parquet", False), ("a.csv.gz", False)]:
+        with pytest.raises(ValueError, match="frames are read from .npz and .csv") as error:
+            taxel.load_frames(tmp_path / name)
+        assert ("taxel convert" in str(error.value)) == advised, name
+
+
 @pytest.mark.parametrize(
     ("text", "why"),
     [

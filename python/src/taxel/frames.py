@@ -34,15 +34,18 @@ class Frames:
 
 
 def load_frames(path: Path) -> Frames:
-    """Reads the frames of a .npz or .csv of `taxel convert`.
+    """Reads the frames of a .npz or .csv of `taxel convert`, also a .csv that a table program saved anew: with a byte order
+    mark, names in quotes, times as 0.0.
 
     Raises OSError, and ValueError with the file for what is no such file.
     """
     name = os.fsdecode(path)
     readers = {".npz": _npz, ".csv": _csv}
-    reader = readers.get(FilePath(name).suffix.lower())
+    suffix = FilePath(name).suffix.lower()
+    reader = readers.get(suffix)
     if reader is None:
-        raise ValueError(f"{name}: frames are read from .npz and .csv; `taxel convert {name} OUT.npz` makes one")
+        advice = f"; `taxel convert {name} OUT.npz` makes one" if suffix in (".mcap", ".log", ".npy") else ""
+        raise ValueError(f"{name}: frames are read from .npz and .csv{advice}")
     with open(name, "rb") as file:
         try:
             return reader(file)
@@ -68,8 +71,15 @@ def _npz(file: Any) -> Frames:
 _EMPTY_CELL = re.compile(rb",(?=[,\r\n]|$)")
 
 
+_NO_FRACTION = re.compile(rb"\.0*$")
+
+
+def _time(cell: bytes) -> int:
+    return int(_NO_FRACTION.sub(b"", cell.strip().strip(b'"')))
+
+
 def _csv(file: Any) -> Frames:
-    names = file.readline().decode().strip().split(",")
+    names = file.readline().decode("utf-8-sig").replace('"', "").strip().split(",")
     joints = sum(re.fullmatch(r"J\d+", name) is not None for name in names)
     readings = names[1 : len(names) - joints]
     axes = [name[-1:] for name in readings]
@@ -77,7 +87,7 @@ def _csv(file: Any) -> Frames:
         raise ValueError("its columns are not t_ns, then X, Y and Z of every taxel, then angles")
     begin = file.tell()
     # Not by loadtxt: a float has not all digits of a nanosecond.
-    t_ns = np.array([int(line.split(b",", 1)[0]) for line in file if line.strip()], np.uint64)
+    t_ns = np.array([_time(line.split(b",", 1)[0]) for line in file if line.strip()], np.uint64)
 
     def columns(first: int, count: int) -> Any:
         if count == 0 or len(t_ns) == 0:
