@@ -7,6 +7,8 @@ use clap_mangen::Man;
 use std::fs;
 use std::io::{self, Write};
 use std::path::{Path, PathBuf};
+use std::time::{Duration, SystemTime, UNIX_EPOCH};
+use taxel_skin::Layout;
 
 /// Print what completes the commands and options of `taxel` in a shell.
 #[derive(Debug, Args)]
@@ -30,7 +32,36 @@ pub(crate) struct ManArgs {
 pub(crate) fn completions(args: &CompletionsArgs, mut taxel: clap::Command) -> anyhow::Result<()> {
     let mut script = Vec::new();
     clap_complete::generate(args.shell, &mut taxel, "taxel", &mut script);
-    io::stdout().write_all(&script).context("stdout")
+    let mut script = String::from_utf8(script)?;
+    if args.shell == Shell::Bash {
+        offer_files(&mut script, &taxel, "taxel");
+        let names: Vec<&str> = Layout::builtin_names().collect();
+        let hands = format!("{LAYOUT}$(compgen -W \"{}\" -f -- \"${{cur}}\")", names.join(" "));
+        script = script.replace(&format!("{LAYOUT}$(compgen -f \"${{cur}}\")"), &hands);
+    }
+    io::stdout().write_all(script.as_bytes()).context("stdout")
+}
+
+/// What bash is told of the value of an option `--layout`, up to the values.
+const LAYOUT: &str = "                --layout)\n                    COMPREPLY=(";
+
+/// Where nothing is typed yet and the command takes a file, bash is to offer files, as it does where nothing of ours fits.
+fn offer_files(script: &mut String, command: &clap::Command, name: &str) {
+    for command in command.get_subcommands() {
+        let name = format!("{name}__subcmd__{}", command.get_name());
+        offer_files(script, command, &name);
+        let mut positional = command.get_positionals();
+        if !positional.any(|argument| argument.get_possible_values().is_empty()) {
+            continue;
+        }
+        let begin = format!("        {name})\n            opts=");
+        if let Some(at) = script.find(&begin)
+            && let Some(end) = script[at + begin.len()..].find('\n')
+        {
+            let leave = "            [[ -z \"${cur}\" && \"${prev}\" != -* ]] && return 0\n";
+            script.insert_str(at + begin.len() + end + 1, leave);
+        }
+    }
 }
 
 pub(crate) fn man(args: &ManArgs, mut taxel: clap::Command) -> anyhow::Result<()> {
@@ -51,9 +82,23 @@ fn write_pages(folder: &Path, command: &clap::Command, section: &str) -> anyhow:
     let name = command.get_display_name().unwrap_or(command.get_name());
     let path = folder.join(format!("{name}.{section}"));
     let mut page = Vec::new();
-    Man::new(command.clone()).section(section).render(&mut page)?;
+    let made = humantime::format_rfc3339(made()).to_string();
+    Man::new(command.clone())
+        .section(section)
+        .date(&made[.."2026-11-20".len()])
+        .source(concat!("taxeld ", env!("CARGO_PKG_VERSION")))
+        .render(&mut page)?;
     let page = improved(&String::from_utf8(page)?, command);
     fs::write(&path, page).with_context(|| format!("cannot write {}", path.display()))
+}
+
+/// When the pages were made, as builds that are to give the same bytes again say: `SOURCE_DATE_EPOCH`, seconds.
+fn made() -> SystemTime {
+    let said = std::env::var("SOURCE_DATE_EPOCH").ok();
+    let seconds = said.and_then(|seconds| seconds.parse::<u32>().ok());
+    seconds.map_or_else(SystemTime::now, |seconds| {
+        UNIX_EPOCH + Duration::from_secs(seconds.into())
+    })
 }
 
 /// What clap_mangen leaves to be done: values of options in the synopsis, what follows the options as it was written, and

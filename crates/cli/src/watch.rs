@@ -25,7 +25,8 @@ latency_us is null when the daemon plays a recording; skipped counts the images 
 the line before; calibrating is true while the baseline is measured, and the image is empty. With --raw as well:
   {\"seq\",\"t_ns\",\"latency_us\",\"threshold\",\"taxels\":[{\"counts\":[x,y,z],\"force\",\"contact\",\"repaired\",
    \"age_us\",\"status\",\"faults\":[names]}],\"joints\":[rad],\"skipped\",\"calibrating\"}
-With --hz: {\"hz\",\"received_hz\",\"skipped\",\"longest_gap_ms\",\"latency_p50_us\",\"latency_p99_us\",\"latency_max_us\",
+With --hz:
+  {\"hz\",\"received_hz\",\"skipped\",\"longest_gap_ms\",\"latency_p50_us\",\"latency_p99_us\",\"latency_max_us\",
    \"contacts\",\"missing\",\"faulty\"}
 
 Examples:

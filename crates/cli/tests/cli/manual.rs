@@ -68,3 +68,52 @@ fn completions_know_the_commands_and_an_unknown_shell_is_refused_with_those_ther
     }
     assert!(fails(&dir, &["completions", "dos"], 2).contains("bash"));
 }
+
+#[test]
+fn a_manual_page_has_its_version_and_its_date_and_no_json_outside_a_block() {
+    let dir = TempDir::new().unwrap();
+    let mut command = std::process::Command::new(env!("CARGO_BIN_EXE_taxel"));
+    let command = command
+        .args(["man", "pages"])
+        .env("SOURCE_DATE_EPOCH", "1700000000");
+    assert!(command.current_dir(dir.path()).status().unwrap().success());
+    let page = fs::read_to_string(dir.path().join("pages/taxel-watch.1")).unwrap();
+    let version = env!("CARGO_PKG_VERSION");
+    let head = format!(".TH taxel-watch 1 2023-11-14 \"taxeld {version}\"");
+    assert!(page.contains(&head), "{page}");
+    let mut is_block = false;
+    for line in page.lines() {
+        is_block = (is_block || line == ".nf") && line != ".fi";
+        assert!(is_block || !line.contains("{\"hz\""), "{line}");
+    }
+}
+
+#[test]
+fn bash_offers_files_where_none_is_begun_and_hands_for_a_layout() {
+    let dir = TempDir::new().unwrap();
+    fs::write(dir.path().join("grasp.log"), "").unwrap();
+    let (script, _) = succeeds(&dir, &["completions", "bash"]);
+    fs::write(dir.path().join("taxel.bash"), script).unwrap();
+    let complete = |words: &str, at: usize| {
+        let line = format!(
+            "source ./taxel.bash; COMP_WORDS=({words}); COMP_CWORD={at}; \
+             _taxel taxel \"${{COMP_WORDS[{at}]}}\" \"${{COMP_WORDS[{}]}}\"; echo ${{COMPREPLY[@]}}",
+            at - 1
+        );
+        let bash = std::process::Command::new("bash")
+            .args(["-c", &line])
+            .current_dir(dir.path())
+            .output();
+        String::from_utf8(bash.unwrap().stdout).unwrap()
+    };
+    // Nothing of ours: then bash offers files.
+    assert_eq!(complete("taxel compress ''", 2), "\n");
+    assert!(complete("taxel compress --", 2).contains("--layout"));
+    let hands = complete("taxel compress --layout ''", 3);
+    assert!(
+        hands.contains("allegro-uskin-15") && hands.contains("grasp.log"),
+        "{hands}"
+    );
+    assert!(complete("taxel layouts ''", 2).contains("allegro-uskin-15"));
+    assert!(complete("taxel ''", 1).contains("compress"));
+}
