@@ -93,17 +93,20 @@ pub fn diagnostics_message(status: &Status, wall_ns: u64) -> Vec<u8> {
     cdr.finish()
 }
 
-/// `rcl_interfaces/Log` of what was told to people; its name is the kind of event, such as `mark`.
+/// `rcl_interfaces/Log` of what was told to people; its name is the kind of event, such as `mark`. A notice is a warning, as
+/// most are of a problem; which one is over, its text says.
 pub fn event_message(kind: &str, text: &str, wall_ns: u64) -> Vec<u8> {
     const INFO: u8 = 20;
     const WARN: u8 = 30;
     let mut cdr = CdrWriter::with_capacity(64 + text.len());
     put_time(&mut cdr, wall_ns);
-    cdr.u8(if matches!(kind, "refused" | "disconnect" | "recorder") {
-        WARN
-    } else {
-        INFO
-    });
+    cdr.u8(
+        if matches!(kind, "refused" | "disconnect" | "recorder" | "notice") {
+            WARN
+        } else {
+            INFO
+        },
+    );
     cdr.text(kind);
     cdr.text(text);
     cdr.text("");

@@ -98,7 +98,8 @@ impl Request {
     }
 
     async fn answer(&self, daemon: &SharedAsk) -> String {
-        let path = (self.first_line.strip_prefix("GET ")).and_then(|rest| rest.split([' ', '?']).next());
+        let (method, rest) = self.first_line.split_once(' ').unwrap_or_default();
+        let path = (rest.split([' ', '?']).next()).filter(|_| matches!(method, "GET" | "HEAD"));
         let (status, kind, body) = match path {
             Some("/metrics") => {
                 let told = daemon.status().await;
@@ -117,6 +118,7 @@ impl Request {
             ),
         };
         let length = body.len();
+        let body = if method == "HEAD" { String::new() } else { body };
         format!(
             "HTTP/1.1 {status}\r\nContent-Type: {kind}\r\nContent-Length: {length}\r\nConnection: close\r\n\r\n{body}"
         )

@@ -128,6 +128,11 @@ fn the_metrics_of_a_daemon_are_fetched_over_http_while_it_runs_and_after() {
             .contains("\ntaxeld_up 0\n")
     );
     assert!(exporter.get("GET / HTTP/1.1").starts_with("HTTP/1.1 404"));
+    let head = exporter.get("HEAD /metrics HTTP/1.1");
+    let (head, body) = head.split_once("\r\n\r\n").unwrap();
+    assert!(head.starts_with("HTTP/1.1 200") && body.is_empty(), "{head}");
+    assert!(!head.contains("Content-Length: 0"), "{head}");
+    assert!(exporter.get("POST /metrics HTTP/1.1").starts_with("HTTP/1.1 405"));
     assert!(exporter.get("POST /metrics HTTP/1.1").starts_with("HTTP/1.1 405"));
 }
 

@@ -10,7 +10,7 @@ use std::rc::Rc;
 use taxel_can::{CanFrame, Received};
 use taxel_recorder::{
     Around, Attached, CanBlock, CanReader, Entry, Item, Preamble, RecordingReader, RecordingWriter, Split,
-    Store, StoreError, Topic, text_message,
+    Store, StoreError, Topic, event_message, text_message,
 };
 
 const S: u64 = 1_000_000_000;
@@ -82,6 +82,16 @@ fn messages_and_attached_files_read_back_as_they_were() {
     }
     assert_eq!(reader.next_item().unwrap(), None);
     assert!(reader.left_out().is_empty());
+}
+
+#[test]
+fn notices_are_warnings_and_marks_are_not() {
+    // Behind the head of CDR and the time.
+    let level = |kind| event_message(kind, "can0: no board speaks", 0)[4 + 8];
+    assert_eq!(
+        ["notice", "refused", "mark", "calibrated"].map(level),
+        [30, 30, 20, 20]
+    );
 }
 
 #[test]
