@@ -13,6 +13,8 @@ from harness.compare import content
 from harness.daemon import binary, eventually
 from harness.lockstep import SWEEP, next_image
 from harness.touches import Touches, grasp
+from mcap.reader import make_reader
+from mcap.writer import Writer
 
 FIRST_SWEEP_S = 2.0  # time for the subscriber to connect before anything is to be seen
 
@@ -149,3 +151,25 @@ def test_watch_prints_one_json_object_per_image(start, lockstep, hand):
         watch.kill()
         watch.wait()
 
+
+def test_a_recording_that_another_program_wrote_anew_with_zstd_gives_the_same_images(tmp_path):
+    def taxel(*args):
+        return subprocess.run([binary("taxel"), *args], cwd=tmp_path, check=True, capture_output=True, text=True)
+
+    taxel("sim", "tap", "--seconds", "2.5", "--to", "log:tap.log")
+    taxel("convert", "tap.log", "tap.mcap")
+    with open(tmp_path / "tap.mcap", "rb") as file, open(tmp_path / "zstd.mcap", "wb") as anew:
+        writer = Writer(anew)  # zstd, unless it is told otherwise
+        writer.start()
+        channels = {}
+        for schema, channel, message in make_reader(file).iter_messages():
+            if channel.id not in channels:
+                number = writer.register_schema(schema.name, schema.encoding, schema.data)
+                channels[channel.id] = writer.register_channel(channel.topic, channel.message_encoding, number)
+            writer.add_message(channels[channel.id], message.log_time, message.data, message.publish_time)
+        writer.finish()
+    assert b"zstd" in (tmp_path / "zstd.mcap").read_bytes()
+    for name in ("tap", "zstd"):
+        told = taxel("compress", f"{name}.mcap", "--out", f"{name}.bin")
+        assert "left out" not in told.stderr
+    assert (tmp_path / "zstd.bin").read_bytes() == (tmp_path / "tap.bin").read_bytes()
