@@ -83,6 +83,10 @@ fn made_of(extension: &str, path: &Path) -> Option<String> {
         "parquet" => {
             Some("pandas.read_parquet(..).to_csv(\"grasp.csv\", index=False) makes a .csv of it".into())
         }
+        // A log that was rotated among them.
+        _ if matches!(extension, "txt" | "tsv") || extension.parse::<u32>().is_ok() => Some(format!(
+            "`taxel COMMAND - < {file}` reads a log, a .csv or an array whatever its name"
+        )),
         _ => None,
     }
 }
@@ -99,6 +103,8 @@ mod tests {
             ("grasp.log.gz", "`zcat grasp.log.gz | taxel COMMAND -`"),
             ("grasp.csv.zst", "`zstdcat grasp.csv.zst"),
             ("grasp.mat", "numpy.save("),
+            ("grasp.log.1", "`taxel COMMAND - < grasp.log.1`"),
+            ("grasp.txt", "`taxel COMMAND - < grasp.txt`"),
             ("grasp.parquet", "pandas.read_parquet("),
         ] {
             let error = Recording::open(Path::new(name), &ReadOptions::default()).unwrap_err();
