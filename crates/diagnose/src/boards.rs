@@ -2,6 +2,7 @@
 
 use crate::array;
 use crate::kind::Kind;
+use crate::malformed;
 use crate::names::{is_of_board, modules_name};
 use crate::problem::{Place, Problem};
 use crate::traffic::{hub_speaks, speaks_on};
@@ -107,6 +108,9 @@ pub(crate) fn judge(look: &Look<'_>, steadiness: &mut Steadiness, found: &mut Ve
         // What a daemon that was stopped has not heard says nothing of boards, nor of the wires to them.
         let awake_for_ns = view.now_ns.saturating_sub(look.awake_ns);
         let is_late = array::is_late(found, index);
+        let malformed: Vec<usize> = (here.iter().copied())
+            .filter(|m| malformed::is_told(found, *m))
+            .collect();
         let was_held_up = look.awake_ns > 0 && awake_for_ns < look.setup.silence_ns;
         for module in &here {
             let excused =
@@ -129,6 +133,7 @@ pub(crate) fn judge(look: &Look<'_>, steadiness: &mut Steadiness, found: &mut Ve
             last_ns.is_none_or(|last| view.now_ns.saturating_sub(last.max(look.awake_ns)) >= silence_ns)
         };
         let quiet = |m: usize| match state(m) {
+            _ if malformed.contains(&m) => false,
             BoardState::Silent => long(m) && !is_late,
             BoardState::NeverSeen => view.boards_due,
             BoardState::Settling | BoardState::Streaming => false,
@@ -284,8 +289,13 @@ fn what_is_done(starting: Starting) -> &'static str {
     }
 }
 
+/// The place of the board of a module: a hub is one board.
+pub(crate) fn place_of_board(layout: &Layout, module: usize) -> Place {
+    (layout.wiring[module].hub).map_or(Place::Module(module), Place::Hub)
+}
+
 /// A problem of these modules of one board.
-fn of_board(
+pub(crate) fn of_board(
     layout: &Layout,
     kind: Kind,
     modules: Vec<usize>,
@@ -293,8 +303,7 @@ fn of_board(
     advice: String,
     over: String,
 ) -> Problem {
-    let hub = layout.wiring[modules[0]].hub;
-    let place = hub.map_or(Place::Module(modules[0]), Place::Hub);
+    let place = place_of_board(layout, modules[0]);
     Problem {
         modules,
         ..Problem::new(kind, place, found, advice, over)

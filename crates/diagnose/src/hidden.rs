@@ -13,6 +13,7 @@ pub(crate) fn hides(by: &Problem, of: &Problem, layout: &Layout) -> bool {
         Kind::LinkAbsent | Kind::LinkDown | Kind::RecordingEnded | Kind::BusOff | Kind::BusSilent => {
             hides_of_bus(by, of, layout)
         }
+        Kind::BoardUnheard | Kind::BoardSilent | Kind::BoardMalformed => hides_of_board(by, of),
         _ => hides_of_joints(by, of),
     }
 }
@@ -22,7 +23,10 @@ fn hides_of_bus(by: &Problem, of: &Problem, layout: &Layout) -> bool {
     if by.place == Place::Joints {
         return matches!(of.kind, Kind::HandSilent | Kind::FingerSilent | Kind::JointStale);
     }
-    let is_of_boards = matches!(of.kind, Kind::BoardSilent | Kind::BoardUnheard | Kind::TwoBoards);
+    let is_of_boards = matches!(
+        of.kind,
+        Kind::BoardSilent | Kind::BoardUnheard | Kind::BoardMalformed | Kind::TwoBoards
+    );
     let is_of_link = match by.kind {
         Kind::BusSilent => false,
         Kind::BusOff => matches!(of.kind, Kind::BusSilent | Kind::BoardUnsteady),
@@ -39,6 +43,18 @@ fn hides_of_bus(by: &Problem, of: &Problem, layout: &Layout) -> bool {
         ),
     };
     (is_of_boards || is_of_link) && by.bus(layout) == of.bus(layout)
+}
+
+/// A board that is silent sends nothing that could be read, and one whose frames cannot be read has not recovered.
+fn hides_of_board(by: &Problem, of: &Problem) -> bool {
+    let is_of_same = by.modules.iter().any(|module| of.modules.contains(module));
+    let is_malformed = by.kind == Kind::BoardMalformed;
+    is_of_same
+        && match of.kind {
+            Kind::BoardMalformed => true,
+            Kind::BoardUnheard | Kind::BoardSilent => is_malformed,
+            _ => false,
+        }
 }
 
 /// What is not known of joints whose port is away or that do not answer, and what something worse is told instead of.

@@ -75,6 +75,8 @@ kinds! {
     BoardUnheard "board-unheard" Error,
     /// A board is heard no longer.
     BoardSilent "board-silent" Error,
+    /// Frames of a board come and cannot be read.
+    BoardMalformed "board-malformed" Error,
     /// A board falls silent again and again.
     BoardUnsteady "board-unsteady" Warning,
     /// An identifier takes a bus from others. Boards that it starves are told as silent.

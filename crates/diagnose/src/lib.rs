@@ -13,6 +13,7 @@ mod hidden;
 mod joints;
 mod joints_view;
 mod kind;
+mod malformed;
 mod names;
 mod news;
 mod problem;

@@ -8,11 +8,11 @@ use crate::news::{self, News, Told};
 use crate::problem::{Place, Problem};
 use crate::rate_limiter::Telling;
 use crate::view::{HandSetup, HandView, Look};
-use crate::{array, boards, bus, contacts, readers, traffic};
+use crate::{array, boards, bus, contacts, malformed, readers, traffic};
 use std::collections::{HashMap, VecDeque};
 use taxel_can::SourceCounters;
 use taxel_joints::JointsConfig;
-use taxel_skin::Layout;
+use taxel_skin::{BoardStatus, Layout};
 
 /// Counters are compared with those of this long ago, nanoseconds.
 const RECENT_NS: u64 = 500_000_000;
@@ -40,6 +40,15 @@ struct Gone {
     lasted_ns: u64,
 }
 
+/// What had been counted at an earlier look.
+#[derive(Debug)]
+struct Past {
+    at_ns: u64,
+    buses: Vec<SourceCounters>,
+    boards: Vec<BoardStatus>,
+    joints: JointsReadings,
+}
+
 /// The problems there are, and what was told of them. It is given a [`HandView`] several times a second.
 #[derive(Debug, Default)]
 pub struct Problems {
@@ -49,7 +58,7 @@ pub struct Problems {
     /// Those that are over, which is still to be told.
     gone: Vec<Gone>,
     tellings: HashMap<(Kind, Place), Telling>,
-    recent: VecDeque<(u64, Vec<SourceCounters>, JointsReadings)>,
+    recent: VecDeque<Past>,
     steadiness: boards::Steadiness,
     patience: Patience,
     angles_used: AnglesUsed,
@@ -62,22 +71,26 @@ impl Problems {
     /// Judges what is known of the hand now, and returns what is new.
     pub fn handle_view(&mut self, setup: &HandSetup<'_>, view: &HandView<'_>) -> Vec<News> {
         self.now_ns = view.now_ns;
-        let before_ns = self.recent.back().map_or(view.now_ns, |(at_ns, ..)| *at_ns);
+        let before_ns = self.recent.back().map_or(view.now_ns, |past| past.at_ns);
         if view.now_ns.saturating_sub(before_ns) > HELD_UP_NS {
             self.awake_ns = view.now_ns;
         }
-        let counters: Vec<SourceCounters> = view.buses.iter().map(|b| b.counters).collect();
-        let readings = JointsReadings::of(view.joints);
-        self.recent.push_back((view.now_ns, counters, readings));
-        while self.recent.len() > 2 && view.now_ns.saturating_sub(self.recent[1].0) >= RECENT_NS {
+        self.recent.push_back(Past {
+            at_ns: view.now_ns,
+            buses: view.buses.iter().map(|b| b.counters).collect(),
+            boards: view.boards.to_vec(),
+            joints: JointsReadings::of(view.joints),
+        });
+        while self.recent.len() > 2 && view.now_ns.saturating_sub(self.recent[1].at_ns) >= RECENT_NS {
             self.recent.pop_front();
         }
-        let (then_ns, before, joints_before) = &self.recent[0];
+        let past = &self.recent[0];
         let look = Look {
             setup,
             view,
-            before,
-            seconds: view.now_ns.saturating_sub(*then_ns).max(1) as f64 / 1e9,
+            before: &past.buses,
+            boards_before: &past.boards,
+            seconds: view.now_ns.saturating_sub(past.at_ns).max(1) as f64 / 1e9,
             awake_ns: self.awake_ns,
         };
         let hidden = self.hidden.iter().map(|(hidden, _)| hidden);
@@ -90,13 +103,15 @@ impl Problems {
             array::judge(&look, index, &mut found);
         }
         traffic::judge(&look, &mut found);
+        let had_malformed = |place| had(Kind::BoardMalformed, place).is_some();
+        malformed::judge(&look, had_malformed, &mut found);
         boards::judge(&look, &mut self.steadiness, &mut found);
         contacts::judge(&look, &mut found);
         if let (Some(config), Some(view)) = (setup.joints, view.joints) {
             let judge = joints::Judge {
                 config,
                 view,
-                before: joints_before,
+                before: &past.joints,
                 look: &look,
                 had: &had,
             };

@@ -79,6 +79,8 @@ pub(crate) struct Look<'a> {
     pub(crate) view: &'a HandView<'a>,
     /// Counters of the buses a while ago.
     pub(crate) before: &'a [SourceCounters],
+    /// What the boards had sent at that time.
+    pub(crate) boards_before: &'a [BoardStatus],
     /// What `before` is older by, seconds.
     pub(crate) seconds: f64,
     /// Since when whoever looks was not held up, nanoseconds: what was not heard before it is no silence.

@@ -167,3 +167,76 @@ fn frames_of_an_array_that_begin_to_come_late_are_told_with_the_age_that_they_ha
     let said = sentence(&bench.said[0]);
     assert!(said.contains("come 100 ms after"), "{said}");
 }
+
+#[test]
+fn a_board_whose_frames_cannot_be_read_is_told_so_and_not_as_silent() {
+    type Wrong = fn(&mut Known);
+    // Per look of 100 ms, where 80 readings are due.
+    let cases: [(&str, Wrong, &[&str]); 6] = [
+        (
+            "never read",
+            |s| unread(s, 3, 80, BoardState::NeverSeen),
+            &["board-malformed"],
+        ),
+        (
+            "no longer read",
+            |s| unread(s, 3, 80, BoardState::Silent),
+            &["board-malformed"],
+        ),
+        (
+            "half of its frames",
+            |s| {
+                unread(s, 3, 40, BoardState::Streaming);
+                s.boards[3].used += 40;
+            },
+            &["board-malformed"],
+        ),
+        (
+            "one frame in forty",
+            |s| {
+                unread(s, 3, 2, BoardState::Streaming);
+                s.boards[3].used += 78;
+            },
+            &[],
+        ),
+        (
+            "one frame of a board that is silent",
+            |s| unread(s, 3, u64::from(s.now_ns == 1500 * MS), BoardState::Silent),
+            &["board-silent"],
+        ),
+        (
+            "a whole bus",
+            |s| (0..8).for_each(|m| unread(s, m, 80, BoardState::NeverSeen)),
+            &["board-malformed"],
+        ),
+    ];
+    for (what, wrong, kinds) in cases {
+        let mut bench = Bench::new();
+        bench.pass(2000, wrong);
+        assert_eq!(bench.kinds(), kinds, "{what}");
+        for said in bench.said.iter().map(sentence) {
+            let is_silent = kinds[0] == "board-silent";
+            assert_eq!(
+                said.contains("are none of uskin-l2"),
+                !is_silent,
+                "{what}: {said}"
+            );
+            assert_eq!(said.contains("power"), is_silent, "{what}: {said}");
+        }
+    }
+    let mut bench = Bench::new();
+    bench.pass(2000, |s| unread(s, 3, 80, BoardState::NeverSeen));
+    let said = sentence(&bench.said[0]);
+    assert!(
+        said.starts_with("index proximal (can0 board 3): ")
+            && said.contains(" frames a second have its ids")
+            && said.contains("`taxel doctor --scan can:can0`"),
+        "{said}"
+    );
+}
+
+/// A board sends frames that cannot be read.
+fn unread(known: &mut Known, module: usize, frames: u64, state: BoardState) {
+    known.boards[module].malformed += frames;
+    known.boards[module].state = state;
+}

@@ -174,3 +174,20 @@ fn lines_of_potentiometers_that_could_never_be_read_are_not_readable_when_nothin
     bench.pass(2000, line);
     assert_eq!((bench.bench.over().len(), bench.bench.kinds().len()), (2, 0));
 }
+
+#[test]
+fn frames_of_a_board_that_could_never_be_read_are_not_readable_when_it_falls_silent() {
+    let mut bench = Bench::new();
+    bench.pass(1000, |s| {
+        s.boards[3].state = BoardState::NeverSeen;
+        s.boards[3].malformed += 20;
+    });
+    assert_eq!(bench.kinds(), ["board-malformed"]);
+    bench.pass(3000, |_| {});
+    assert_eq!(bench.kinds(), ["board-unheard"]);
+    bench.pass(1000, |s| s.boards[3].malformed += 20);
+    assert_eq!(bench.kinds(), ["board-malformed"]);
+    assert_eq!(bench.over(), [""; 0]);
+    bench.pass(3000, |s| s.boards[3].state = BoardState::Streaming);
+    assert_eq!((bench.over().len(), bench.kinds().len()), (2, 0));
+}

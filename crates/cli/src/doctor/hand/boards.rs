@@ -10,10 +10,12 @@ const MISSED_PERCENT: f64 = 1.0;
 
 /// What is to be said of a problem of a bus or of its boards, with what only who asked the boards knows.
 pub(super) fn of_problem(layout: &Layout, bus: &BusFacts, facts: &HandFacts, noted: &NotedProblem) -> Check {
-    let Problem { kind, modules, .. } = &noted.problem;
+    let Problem {
+        kind, modules, place, ..
+    } = &noted.problem;
     let object = match modules.first() {
-        Some(module) => board_name(layout, *module),
-        None => bus.name.clone(),
+        Some(module) if !matches!(place, Place::Bus(_)) => board_name(layout, *module),
+        _ => bus.name.clone(),
     };
     let mut check = Check::of_problem(AREA, object, &noted.problem);
     if noted.is_over {
