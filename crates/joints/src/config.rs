@@ -80,7 +80,26 @@ impl TryFrom<Table> for JointsConfig {
 
     /// Gives each source its keys, and refuses those of another.
     fn try_from(table: Table) -> Result<Self, JointsConfigError> {
-        let wrong = |table, source_kind| Err(JointsConfigError::WrongTable { table, source_kind });
+        let of_servos = [
+            ("baud", table.baud.is_some()),
+            ("rate_hz", table.rate_hz.is_some()),
+            ("fast_sync_read", table.fast_sync_read.is_some()),
+            ("allow_writes", table.allow_writes.is_some()),
+            ("watchdog_ms", table.watchdog_ms.is_some()),
+            ("answer_margin_ms", table.answer_margin_ms.is_some()),
+            ("[[joints.servo]]", !table.servo.is_empty()),
+        ];
+        let of_allegro = [("[joints.allegro]", table.allegro.is_some())];
+        let (others, source): (&[_], _) = match table.source {
+            JointSource::Dynamixel(_) => (&of_allegro, "dynamixel"),
+            JointSource::Allegro(_) => (&of_servos, "allegro"),
+        };
+        if let Some((key, _)) = others.iter().find(|(_, is_given)| *is_given) {
+            return Err(JointsConfigError::OfAnotherSource {
+                key,
+                source_kind: source,
+            });
+        }
         let defaults = DynamixelConfig::new(PathBuf::new(), []);
         let servos = DynamixelConfig {
             baud: table.baud.unwrap_or(defaults.baud),
@@ -94,14 +113,8 @@ impl TryFrom<Table> for JointsConfig {
         };
         servos.check_numbers()?;
         let source = match table.source {
-            JointSource::Dynamixel(_) if table.allegro.is_some() => {
-                return wrong("[joints.allegro]", "dynamixel");
-            }
             JointSource::Dynamixel(DynamixelConfig { path, .. }) => {
                 JointSource::Dynamixel(DynamixelConfig { path, ..servos })
-            }
-            JointSource::Allegro(_) if !servos.servo.is_empty() => {
-                return wrong("[[joints.servo]]", "allegro");
             }
             JointSource::Allegro(AllegroSource { bus, .. }) => JointSource::Allegro(AllegroSource {
                 bus,
@@ -400,6 +413,31 @@ mod tests {
         assert!(read(&text).unwrap_err().contains("is the servos' own"));
         let none = read(&format!("{TWO}[analogue]\ndevice = \"/dev/x\"\njoint = []")).unwrap_err();
         assert!(none.contains("no [[joints.analogue.joint]] tables"), "{none}");
+    }
+
+    #[test]
+    fn keys_of_another_source_are_refused_and_those_of_all_are_not() {
+        let allegro = "source = \"allegro:can2\"\nallegro.version = 4\n";
+        for key in [
+            "baud = 57600",
+            "rate_hz = 50",
+            "fast_sync_read = \"off\"",
+            "allow_writes = true",
+            "watchdog_ms = 100",
+            "answer_margin_ms = 2",
+        ] {
+            let message = read(&format!("{allegro}{key}")).unwrap_err();
+            let name = key.split(' ').next().unwrap();
+            let words = format!("joints: {name} has no meaning with source allegro; leave it out");
+            assert!(message.contains(&words), "{message}");
+        }
+        let message = read(&format!("{TWO}[allegro]\nversion = 4")).unwrap_err();
+        assert!(
+            message.contains("[joints.allegro] has no meaning with source dynamixel"),
+            "{message}"
+        );
+        let config = read(&format!("{allegro}hold_ms = 100\n")).unwrap();
+        assert_eq!(read(&toml::to_string(&config).unwrap()).unwrap(), config);
     }
 
     #[test]

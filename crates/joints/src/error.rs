@@ -133,11 +133,11 @@ pub enum JointsConfigError {
     /// More joints than one daemon reads.
     #[error("there are {0} joints; one daemon reads at most {MAX_JOINTS}")]
     TooMany(usize),
-    /// A table for the other kind of source.
-    #[error("joints: {table} has no meaning with source {source_kind}; leave it out")]
-    WrongTable {
-        /// The table.
-        table: &'static str,
+    /// A key or table of another kind of source.
+    #[error("joints: {key} has no meaning with source {source_kind}; leave it out")]
+    OfAnotherSource {
+        /// The key or table.
+        key: &'static str,
         /// The kind of source.
         source_kind: &'static str,
     },
