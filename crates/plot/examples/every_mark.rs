@@ -11,14 +11,13 @@ fn sheet() -> Sheet {
     let time = || (0..200).map(|n| f64::from(n) / 50.0);
     let felt = |t: f64| 900.0 * (t - 1.0).clamp(0.0, 1.0) * (4.0 - t).clamp(0.0, 1.0);
     let lines = Chart::new(
-        "Lines, bands, instants",
+        "Lines and bands",
         Axis::new("time, s"),
         Axis::new("force, counts"),
     )
     .band("felt", time().map(|t| (t, felt(t) * 0.8, felt(t) * 1.2)))
     .line("felt", time().map(|t| (t, felt(t))))
     .line("shown", time().map(|t| (t, (felt(t) / 300.0).round() * 300.0)))
-    .at_x("engaging", 1.0)
     .at_y("threshold", 60.0);
     let cloud = |x: f64, y: f64, slant: f64| {
         (0..12).map(move |n| {

@@ -37,8 +37,6 @@ pub(crate) enum Marks {
     Bars(Vec<(f64, f64, f64)>),
     /// Samples, for each name of the axis.
     Boxes(Vec<Vec<f64>>),
-    /// A place on the x axis.
-    AtX(f64),
     /// A place on the y axis.
     AtY(f64),
 }
@@ -104,11 +102,6 @@ impl Chart {
         self.with(name, Marks::Boxes(samples.into_iter().collect()))
     }
 
-    /// A thin vertical line with its name beside it: an instant.
-    pub fn at_x(self, name: impl Into<String>, x: f64) -> Self {
-        self.with(name, Marks::AtX(x))
-    }
-
     /// A thin horizontal line with its name above it: a threshold.
     pub fn at_y(self, name: impl Into<String>, y: f64) -> Self {
         self.with(name, Marks::AtY(y))
@@ -128,7 +121,7 @@ impl Chart {
 
 impl Marks {
     fn is_named_beside(&self) -> bool {
-        matches!(self, Self::AtX(_) | Self::AtY(_))
+        matches!(self, Self::AtY(_))
     }
 
     pub(crate) fn is_side_by_side(&self) -> bool {
@@ -142,7 +135,6 @@ impl Marks {
             }
             Self::Ellipse(points) => crate::ellipse(points).iter().map(|p| p.0).collect(),
             Self::Band(band) => band.iter().map(|p| p.0).collect(),
-            Self::AtX(x) => vec![*x],
             Self::Bars(_) | Self::Boxes(_) | Self::AtY(_) => Vec::new(),
         }
     }
@@ -158,7 +150,6 @@ impl Marks {
             Self::Bars(bars) => bars.iter().flat_map(|b| [0.0, b.0, b.1, b.2]).collect(),
             Self::Boxes(boxes) => boxes.iter().flatten().copied().collect(),
             Self::AtY(y) => vec![*y],
-            Self::AtX(_) => Vec::new(),
         }
     }
 }

@@ -247,18 +247,6 @@ fn draw_layers(chart: &Chart, pen: &Pen<'_>, plane: &Plane, names: &[&str]) -> R
                     }
                 }
             }
-            Marks::AtX(x) => {
-                if let Some(x) = plane.across(*x) {
-                    pen.line(&[(x, plane.from.1), (x, plane.to.1)], colour::PALE, 1.0)?;
-                    let right = plane.to.0 - x - 4.0;
-                    let (aside, side) = match text_width(&layer.name, 10.0) <= right {
-                        true => (4.0, Side::Right),
-                        false => (-4.0, Side::Left),
-                    };
-                    let place = (x + aside, plane.from.1 + 7.0);
-                    pen.text(&layer.name, place, side, 10.0, colour::PALE)?;
-                }
-            }
             Marks::AtY(y) => {
                 if let Some(y) = plane.up(*y) {
                     pen.line(&[(plane.from.0, y), (plane.to.0, y)], colour::PALE, 1.0)?;

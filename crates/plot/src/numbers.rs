@@ -122,7 +122,6 @@ fn of_layer(layer: &Layer, x_axis: &Axis, write: &mut dyn FnMut(Row<'_>)) {
                 }
             }
         }
-        Marks::AtX(x) => write(["instant", series, &text(*x), "", "", "", ""]),
         Marks::AtY(y) => write(["threshold", series, "", &text(*y), "", "", ""]),
     }
 }

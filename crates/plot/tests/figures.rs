@@ -136,7 +136,6 @@ fn every_kind_of_mark_survives_data_that_nothing_can_be_drawn_of() {
                 .band("a", values.iter().map(|v| (*v, *v, *v)))
                 .bars("c", values.iter().copied())
                 .boxes("d", [values.clone()])
-                .at_x("x", f64::NAN)
                 .at_y("y", -1.0);
             let sheet = Sheet::new("")
                 .chart(chart)
@@ -155,7 +154,7 @@ fn all_numbers_are_beside_the_figure_as_they_were_given() {
         .chart(
             chart()
                 .line("felt", [(0.1, 1.0 / 3.0), (0.2, f64::NAN)])
-                .at_x("engaging", 0.1),
+                .at_y("engaging", 0.1),
         )
         .chart(
             Chart::new("", names, Axis::new(""))
@@ -173,7 +172,7 @@ fn all_numbers_are_beside_the_figure_as_they_were_given() {
         "panel,kind,series,x,y,low,high,value\n\
          A & B,line,felt,0.1,0.3333333333333333,,,\n\
          A & B,line,felt,0.2,,,,\n\
-         A & B,instant,engaging,0.1,,,,\n\
+         A & B,threshold,engaging,,0.1,,,\n\
          2,bar,n,index,1,0.5,2,\n\
          2,sample,b,thumb,4,,,\n\
          p,cell,,0,0,,,#FF0001\n\
