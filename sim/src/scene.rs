@@ -97,9 +97,9 @@ pub enum SceneError {
     #[error(
         "there is no scene `{name}`{}: neither a file nor one of {}, {}{}",
         if name == "forearm" { " but for `taxel sim` and `taxel demo`" } else { "" },
-        Scene::names().join(", "),
+        Scene::names().collect::<Vec<_>>().join(", "),
         Scene::objects().collect::<Vec<_>>().join(", "),
-        did_you_mean(name, Scene::names().into_iter().chain(Scene::objects()))
+        did_you_mean(name, Scene::names().chain(Scene::objects()))
     )]
     UnknownScene {
         /// The name given.
@@ -115,7 +115,7 @@ pub enum SceneError {
     },
 }
 
-const BUILTIN: [(&str, &str); 9] = [
+const BUILTIN: &[(&str, &str)] = &[
     ("idle", include_str!("../scenes/idle.toml")),
     ("roll", include_str!("../scenes/roll.toml")),
     ("tap", include_str!("../scenes/tap.toml")),
@@ -129,8 +129,8 @@ const BUILTIN: [(&str, &str); 9] = [
 
 impl Scene {
     /// The names of the built-in scenes without those of [`Scene::objects`].
-    pub fn names() -> [&'static str; 9] {
-        BUILTIN.map(|(name, _)| name)
+    pub fn names() -> impl Iterator<Item = &'static str> {
+        BUILTIN.iter().map(|(name, _)| *name)
     }
 
     /// The names of twenty more: simple objects of daily life, each grasped and let go.

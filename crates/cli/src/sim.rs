@@ -252,7 +252,7 @@ fn show_layout(name: &str) -> anyhow::Result<()> {
 
 /// The scenes that can be a recording too.
 fn built_in() -> impl Iterator<Item = &'static str> {
-    Scene::names().into_iter().chain(Scene::objects())
+    Scene::names().chain(Scene::objects())
 }
 
 /// Every scene of `taxel sim` and `taxel demo`.

@@ -158,7 +158,7 @@ mod tests {
 
     #[test]
     fn no_joint_is_faster_than_its_motor_whichever_the_scene() {
-        for name in Scene::names().into_iter().chain(Scene::objects()) {
+        for name in Scene::names().chain(Scene::objects()) {
             let scene = Scene::builtin(name).unwrap();
             let layout = Layout::resolve(scene.layout()).unwrap();
             for servo in servos_of_scene(&scene, &layout, 0) {

@@ -273,7 +273,7 @@ proptest! {
         scene in 0..6usize,
         edits in prop::collection::vec((any::<prop::sample::Index>(), "[-0-9.e\\[\\]\"a-z\n]{0,3}"), 1..4),
     ) {
-        let mut text = Scene::builtin_text(Scene::names()[scene]).unwrap().to_string();
+        let mut text = Scene::builtin_text(Scene::names().nth(scene).unwrap()).unwrap();
         for (at, with) in edits {
             let at = at.index(text.len());
             text.replace_range(at..at + 1, &with);

@@ -15,7 +15,7 @@ pub use wiring::{Layout, Wiring};
 
 use std::path::Path;
 
-const BUILTIN: [(&str, &str); 9] = [
+const BUILTIN: &[(&str, &str)] = &[
     (
         "allegro-uskin-15",
         include_str!("../../layouts/allegro-uskin-15.toml"),
