@@ -181,9 +181,9 @@ impl SkinModel {
         }
     }
 
-    /// The value of a CySkin-type sensor. 0 and 65535 are no values (docs/protocols.md, "CySkin packets"): it
-    /// saturates before them.
-    pub(crate) fn capacitance(&self, taxel: u16, t_ns: u64) -> u16 {
+    /// The value of a sensor of one axis and 16 bits, as CySkin's are. 0 and 65535 are no values (docs/protocols.md,
+    /// "CySkin packets"): it saturates before them.
+    pub(crate) fn one_axis(&self, taxel: u16, t_ns: u64) -> u16 {
         match self.sample(taxel, t_ns) {
             Sample::NotConnected => 0xFFFF,
             Sample::Dead(value) => value,

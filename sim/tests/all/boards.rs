@@ -1,7 +1,10 @@
 //! Boards and buses as docs/protocols.md, "MTB3 firmware", "uSkin commands" and "Bus timing" describe them.
 
 use crate::support::{Bench, boards, of_board, scene};
+use std::collections::BTreeSet;
 use taxel_can::CanFrame;
+use taxel_sim::Simulator;
+use taxel_skin::Layout;
 
 #[test]
 fn a_board_is_silent_until_it_is_started_and_after_it_is_stopped() {
@@ -408,6 +411,40 @@ fn the_bus_can_go_wrong_in_every_way_a_scene_names() {
         &elsewhere,
     );
     assert_eq!(bench.until_ms(1000).len(), 0);
+}
+
+#[test]
+fn every_kind_of_board_with_several_addresses_can_send_under_a_wrong_one() {
+    let mut kinds = BTreeSet::new();
+    for name in Layout::builtin_names() {
+        let layout = Layout::builtin(name).unwrap();
+        let (module, wiring) = (&layout.modules[0], &layout.wiring[0]);
+        let taken = |board: &u8| {
+            layout
+                .wiring
+                .iter()
+                .any(|w| w.board == *board && w.bus == wiring.bus)
+        };
+        let Some(other) = wiring.protocol.addresses().find(|board| !taken(board)) else {
+            continue;
+        };
+        let ids = |fault: &str| -> BTreeSet<(u8, u32)> {
+            let mut sim = Simulator::new(&scene(1, fault), &layout, 1).unwrap();
+            sim.start_all();
+            let mut frames = Vec::new();
+            sim.advance(500_000_000, &mut frames);
+            frames.iter().map(|(bus, f)| (*bus, f.frame.id())).collect()
+        };
+        let fault = format!(
+            "[[fault]]\nkind = \"wrong-id\"\non = [\"{}\"]\nboard = {other}\n",
+            module.name
+        );
+        let (own, wrong) = (ids(""), ids(&fault));
+        assert!(!own.is_empty() && own.len() == wrong.len(), "{name}");
+        assert_ne!(own, wrong, "{name}");
+        kinds.insert(wiring.protocol.name());
+    }
+    assert!(kinds.len() >= 3, "{kinds:?}");
 }
 
 #[test]

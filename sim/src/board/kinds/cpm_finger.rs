@@ -1,7 +1,7 @@
 //! The published finger with CySkin-type sensors (docs/protocols.md, "CPM finger"): four frames of four
 //! values, and one of proximity.
 
-use super::cyskin;
+use super::one_axis_nature;
 use crate::board::firmware::{Blueprint, BoardSimulation, Firmware, Moment};
 use crate::levels::{Levels, Nature};
 use crate::scene::SceneError;
@@ -15,7 +15,7 @@ pub(super) struct CpmFinger;
 
 impl BoardSimulation for CpmFinger {
     fn nature(&self, levels: Levels) -> Nature {
-        cyskin::nature(levels)
+        one_axis_nature(levels)
     }
 
     fn firmware(&self, blueprint: &Blueprint<'_>) -> Result<Box<dyn Firmware>, SceneError> {
@@ -46,7 +46,7 @@ impl Firmware for Finger {
 
     fn read(&mut self, _group: usize, moment: &Moment<'_>, send: &mut dyn FnMut(CanFrame)) {
         let values = self.taxels.map(|taxel| match taxel {
-            Some(taxel) if !moment.booting => moment.skin.capacitance(taxel, moment.t_ns),
+            Some(taxel) if !moment.booting => moment.skin.one_axis(taxel, moment.t_ns),
             _ => 0,
         });
         cpm_finger_frames(values, PROXIMITY).into_iter().for_each(send);

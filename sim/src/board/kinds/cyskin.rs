@@ -1,9 +1,10 @@
 //! A CySkin hub with its modules (docs/protocols.md, "CySkin"), which speaks as Genoa's own library has it or as the
 //! layout file says. It starts when it has heard every packet of the layout's `start`, in that order, with any period.
 
+use super::one_axis_nature;
 use crate::board::firmware::{Blueprint, BoardSimulation, Effect, Firmware, Moment};
 use crate::board::queue::Queue;
-use crate::levels::{Axis, Levels, Nature};
+use crate::levels::{Levels, Nature};
 use crate::random::{bell, bits};
 use crate::scene::SceneError;
 use crate::skin_model::taxels_of;
@@ -17,20 +18,6 @@ const PACKET_BYTES: usize = 40;
 /// Random numbers of the temperatures.
 const TEMPERATURE_STREAM: u64 = 0x7465;
 
-/// Counts that a newton moves z of a CySkin-type sensor by. No source says; an assumption, as are
-/// the levels below.
-const COUNTS_PER_NEWTON: f64 = 2000.0;
-/// Idle level and noise deviation of CySkin-type sensors.
-const CAPACITANCE: Axis = Axis {
-    idle: [20_000.0, 26_000.0],
-    sd: [5.0, 12.0],
-};
-
-/// What CySkin-type sensors read.
-pub(super) fn nature(levels: Levels) -> Nature {
-    Nature::of_one_axis(levels, CAPACITANCE, COUNTS_PER_NEWTON, 1.0)
-}
-
 pub(super) struct Cyskin;
 
 impl BoardSimulation for Cyskin {
@@ -40,7 +27,7 @@ impl BoardSimulation for Cyskin {
     }
 
     fn nature(&self, levels: Levels) -> Nature {
-        nature(levels)
+        one_axis_nature(levels)
     }
 
     fn firmware(&self, blueprint: &Blueprint<'_>) -> Result<Box<dyn Firmware>, SceneError> {
@@ -188,7 +175,7 @@ impl Hub {
             .map(|(sensor, taxel)| {
                 let value = match taxel {
                     _ if moment.booting => 0,
-                    Some(taxel) => moment.skin.capacitance(*taxel, moment.t_ns),
+                    Some(taxel) => moment.skin.one_axis(*taxel, moment.t_ns),
                     None if sensor == 0 => {
                         let stream = TEMPERATURE_STREAM << 16 | module.index as u64;
                         (12_000.0 + 4.0 * bell(bits(self.seed, stream, moment.t_ns))) as u16

@@ -7,7 +7,7 @@ mod pressure_array;
 mod uskin;
 
 use super::firmware::BoardSimulation;
-use crate::levels::{Levels, Nature};
+use crate::levels::{Axis, Levels, Nature};
 use taxel_skin::Protocol;
 
 /// Each protocol that boards speak, with what is simulated of them.
@@ -21,6 +21,20 @@ const KINDS: &[(Protocol, &dyn BoardSimulation)] = &[
     (Protocol::CPM_FINGER, &cpm_finger::CpmFinger),
     (Protocol::PRESSURE_ARRAY, &pressure_array::PressureArray),
 ];
+
+/// Counts that a newton moves z of a CySkin-type sensor by. No source says; an assumption, as are
+/// the levels below.
+const COUNTS_PER_NEWTON: f64 = 2000.0;
+/// Idle level and noise deviation of CySkin-type sensors.
+const CAPACITANCE: Axis = Axis {
+    idle: [20_000.0, 26_000.0],
+    sd: [5.0, 12.0],
+};
+
+/// What CySkin-type sensors read, of one axis and 16 bits.
+fn one_axis_nature(levels: Levels) -> Nature {
+    Nature::of_one_axis(levels, CAPACITANCE, COUNTS_PER_NEWTON, 1.0)
+}
 
 /// The simulation of boards that speak a protocol; `None` for an array without a board.
 pub(super) fn kind_of(protocol: Protocol) -> Option<&'static dyn BoardSimulation> {

@@ -57,7 +57,7 @@ impl Firmware for Array {
     }
 
     fn read(&mut self, _group: usize, moment: &Moment<'_>, send: &mut dyn FnMut(CanFrame)) {
-        let read = |taxel: &u16| moment.skin.capacitance(*taxel, moment.t_ns).min(FULL_SCALE);
+        let read = |taxel: &u16| moment.skin.one_axis(*taxel, moment.t_ns).min(FULL_SCALE);
         let counts: Vec<u16> = self.taxels.iter().map(read).collect();
         pressure_frames(self.size, self.sequence, &counts)
             .into_iter()
