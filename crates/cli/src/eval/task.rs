@@ -15,6 +15,7 @@ use taxel_playback::progress::Progress;
 use taxel_plot::{Axis, Chart, Sheet};
 use taxel_record::Labelled;
 use taxel_skin::Layout;
+use taxeld::Config;
 
 /// What is judged where no method is named; places in a regular grid besides.
 const METHODS: [&str; 5] = [
@@ -53,6 +54,9 @@ struct Report {
     by_actuators: usize,
 }
 
+/// The first controls, all forces and those of the contacts, are the same at every size.
+const OF_NO_SIZE: usize = 2;
+
 /// Ways to show a frame by their names, and the usual ones that the configuration excludes.
 struct Ways {
     controls: Vec<(String, Shown)>,
@@ -60,7 +64,15 @@ struct Ways {
     left_out: Vec<MethodError>,
 }
 
-pub(super) fn run(args: &Args, csv: Option<OutputFile>, figure: Option<OutputFile>) -> anyhow::Result<()> {
+/// What is asked, of which frames and of which hand.
+struct Asked {
+    input: String,
+    config: Config,
+    task: Task,
+    threshold: f64,
+}
+
+fn asked(args: &Args) -> anyhow::Result<Asked> {
     let what = format!("{}, frames with labels", args.offline.input.path.display());
     args.offline.input.refuse_file_options_but("--array", &what)?;
     let labelled = Labelled::open(&args.offline.input.path, args.offline.input.array())?;
@@ -100,6 +112,21 @@ pub(super) fn run(args: &Args, csv: Option<OutputFile>, figure: Option<OutputFil
             advice_on_forces(labelled.frames.iter().map(Vec::as_slice), threshold)
         );
     }
+    Ok(Asked {
+        input: labelled.name,
+        config,
+        task,
+        threshold,
+    })
+}
+
+pub(super) fn run(args: &Args, csv: Option<OutputFile>, figure: Option<OutputFile>) -> anyhow::Result<()> {
+    let Asked {
+        input,
+        config,
+        task,
+        threshold,
+    } = asked(args)?;
     let base = &config.profile;
     let (levels, actuators) = (base.level_count(), base.actuators);
     Compressor::new(base.clone(), &config.layout)?;
@@ -125,33 +152,18 @@ pub(super) fn run(args: &Args, csv: Option<OutputFile>, figure: Option<OutputFil
             progress.advance(1);
         }
     }
-    let curve = |sizes: [(u16, u16); 5]| -> anyhow::Result<Vec<TaskPoint>> {
-        let mut points = Vec::new();
-        for (levels, actuators) in sizes {
-            let base = Profile {
-                levels,
-                actuators,
-                jnd: None,
-                ..base.clone()
-            };
-            // A size that the configuration excludes, such as another number of fixed places, has no point.
-            let Ok(ways) = args.ways(&base, &config.layout) else {
-                continue;
-            };
-            for (name, shown) in ways.controls[2..].iter().chain(&ways.displays) {
-                let point = task.point(name, shown, levels, actuators);
-                points.push(point.with_context(|| name.clone())?);
-                progress.advance(1);
-            }
-        }
-        Ok(points)
-    };
-    let mut curves = curve(SIZES.map(|size| (levels, size)))?;
+    let mut curves = curve(args, &task, &config, SIZES.map(|size| (levels, size)), &progress)?;
     let by_actuators = curves.len();
-    curves.extend(curve(SIZES.map(|size| (size, actuators)))?);
+    curves.extend(curve(
+        args,
+        &task,
+        &config,
+        SIZES.map(|size| (size, actuators)),
+        &progress,
+    )?);
     drop(progress);
     let report = Report {
-        input: labelled.name,
+        input,
         frames: task.len(),
         classes: task.classes(),
         taxels: config.layout.len(),
@@ -165,17 +177,55 @@ pub(super) fn run(args: &Args, csv: Option<OutputFile>, figure: Option<OutputFil
         curves,
         by_actuators,
     };
-    let tables = [(csv, points(&report)), (figure, drawing(&report)?)];
+    write(&report, csv, figure, args.json)
+}
+
+/// What each way to show a frame is worth at each of these levels and actuators.
+fn curve(
+    args: &Args,
+    task: &Task,
+    config: &Config,
+    sizes: [(u16, u16); SIZES.len()],
+    progress: &Progress,
+) -> anyhow::Result<Vec<TaskPoint>> {
+    let mut points = Vec::new();
+    for (levels, actuators) in sizes {
+        let base = Profile {
+            levels,
+            actuators,
+            jnd: None,
+            ..config.profile.clone()
+        };
+        // A size that the configuration excludes, such as another number of fixed places, has no point.
+        let Ok(ways) = args.ways(&base, &config.layout) else {
+            continue;
+        };
+        for (name, shown) in ways.controls[OF_NO_SIZE..].iter().chain(&ways.displays) {
+            let point = task.point(name, shown, levels, actuators);
+            points.push(point.with_context(|| name.clone())?);
+            progress.advance(1);
+        }
+    }
+    Ok(points)
+}
+
+fn write(
+    report: &Report,
+    csv: Option<OutputFile>,
+    figure: Option<OutputFile>,
+    json: bool,
+) -> anyhow::Result<()> {
+    let tables = [(csv, points(report)), (figure, drawing(report)?)];
     for (file, text) in tables {
         if let Some(mut file) = file {
             std::fs::write(file.path(), text).with_context(|| file.path().display().to_string())?;
             file.finish()?;
         }
     }
-    let text = if args.json {
-        serde_json::to_string(&report)? + "\n"
+    let text = if json {
+        serde_json::to_string(report)? + "\n"
     } else {
-        human(&report)
+        human(report)
     };
     let mut out = io::stdout().lock();
     out.write_all(text.as_bytes())
