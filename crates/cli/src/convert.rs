@@ -17,7 +17,7 @@ use taxel_playback::output_file::{OutputFile, create_stream, refuse_overlap};
 use taxel_playback::progress::Progress;
 use taxel_playback::recorded;
 use taxel_playback::sweep::Sweeps;
-use taxel_playback::traffic_output::{Check, TrafficOutput};
+use taxel_playback::traffic_output::{Check, TrafficFormat, TrafficOutput};
 use taxel_record::Recording;
 use taxel_recorder::Topic;
 use taxel_skin::Layout;
@@ -60,6 +60,20 @@ pub(crate) struct Args {
     marks: bool,
 }
 
+/// What is written.
+enum Format {
+    Traffic(TrafficFormat),
+    Frames(FrameFormat),
+}
+
+impl Format {
+    /// By what a name ends with, in small letters.
+    fn of_ending(ending: &str) -> Option<Self> {
+        let traffic = TrafficFormat::of_ending(ending).map(Self::Traffic);
+        traffic.or_else(|| FrameFormat::of_ending(ending).map(Self::Frames))
+    }
+}
+
 pub(crate) fn run(args: &Args) -> anyhow::Result<()> {
     let out = &args.out;
     let is_stdout = out.as_os_str() == "-";
@@ -80,14 +94,13 @@ pub(crate) fn run(args: &Args) -> anyhow::Result<()> {
     if args.images || args.marks {
         return extract(args, &ending);
     }
-    let format = FrameFormat::of_ending(&ending);
-    if format.is_none() && !["log", "mcap"].contains(&ending.as_str()) {
+    let Some(format) = Format::of_ending(&ending) else {
         return Err(wrong_use(format!(
             "{}: a recording is written as .log, .mcap, .npz, .csv or .parquet, or as candump lines to -",
             out.display()
         )));
-    }
-    if let Some(format) = format {
+    };
+    if let Format::Frames(format) = format {
         format.check(out)?;
     }
     refuse_overlap(&[out], &args.offline.inputs())?;
@@ -99,12 +112,12 @@ pub(crate) fn run(args: &Args) -> anyhow::Result<()> {
     };
     let mut whole = OutputFile::stream(out)?;
     let (count, what) = match format {
-        None => {
-            let mut output = TrafficOutput::create(whole.path(), &ending, "convert")?;
+        Format::Traffic(format) => {
+            let mut output = TrafficOutput::create(whole.path(), format, "convert")?;
             traffic(args, &input, &mut output, &check)?;
             (output.finish()?, "CAN frames")
         }
-        Some(format) => {
+        Format::Frames(format) => {
             let mut output = FrameOutput::create(whole.path(), format, input.image_shape());
             frames(args, &input, &mut |layout, frame| {
                 check()?;

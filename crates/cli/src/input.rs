@@ -9,7 +9,7 @@ use taxel_playback::head::Head;
 use taxel_playback::recorded;
 use taxel_playback::stand_in;
 use taxel_playback::traffic::Traffic;
-use taxel_record::{Columns, RATES_HZ, ReadOptions, RecordError, Recording, TimeUnit, Void};
+use taxel_record::{Columns, FileKind, RATES_HZ, ReadOptions, RecordError, Recording, TimeUnit, Void};
 use taxel_sim::Scene;
 use taxel_skin::Layout;
 use taxeld::Config;
@@ -90,7 +90,7 @@ impl InputArgs {
             return Ok(Input::Scene(Box::new(Scene::resolve(&scene)?)));
         }
         let path = &self.path;
-        if self.is_called("log") {
+        if FileKind::of(path) == Some(FileKind::Log) {
             self.refuse_file_options(&format!("{}, a candump log", path.display()))?;
             return Ok(Input::Log(Traffic::candump(path)));
         }
@@ -141,19 +141,14 @@ impl InputArgs {
         Ok(Input::Frames(recording))
     }
 
-    fn is_called(&self, ending: &str) -> bool {
-        let extension = self.path.extension();
-        extension.is_some_and(|e| e.eq_ignore_ascii_case(ending))
-    }
-
     /// Whether it is a table, whose last columns can be joint angles.
     pub(crate) fn is_csv(&self) -> bool {
-        self.is_called("csv")
+        FileKind::of(&self.path) == Some(FileKind::Csv)
     }
 
     /// Whether it is a recording of `taxel record`, which knows its own hand and configuration.
     pub(crate) fn is_mcap(&self) -> bool {
-        self.is_called("mcap")
+        FileKind::of(&self.path) == Some(FileKind::Mcap)
     }
 
     /// The name of the scene, where one is named.

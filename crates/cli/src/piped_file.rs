@@ -11,6 +11,7 @@ use std::sync::{Mutex, MutexGuard, PoisonError};
 use taxel_can::SourceAddress;
 use taxel_playback::interrupt::before_the_end;
 use taxel_playback::stand_in;
+use taxel_record::FileKind;
 use tempfile::TempDir;
 
 /// How many bytes tell the kind.
@@ -122,7 +123,7 @@ fn spool(mut pipe: impl Read, name: &str) -> anyhow::Result<PathBuf> {
     let mut head = Vec::new();
     let read = pipe.by_ref().take(HEAD as u64).read_to_end(&mut head);
     read.with_context(|| name.to_owned())?;
-    let path = path.with_extension(kind(&head));
+    let path = path.with_extension(kind(&head).ending());
     copy(&head, &mut pipe, &path).with_context(|| path.display().to_string())?;
     stand_in::call(&path, name);
     Ok(path)
@@ -152,15 +153,15 @@ fn copy(head: &[u8], rest: &mut impl Read, path: &Path) -> std::io::Result<()> {
     std::io::copy(rest, &mut file).map(drop)
 }
 
-/// The ending of a file that begins so.
-fn kind(head: &[u8]) -> &'static str {
-    const MAGIC: [(&[u8], &str); 3] = [
-        (b"\x89MCAP", "mcap"),
-        (b"\x93NUMPY", "npy"),
-        (b"PK\x03\x04", "npz"),
+/// The kind of a file that begins so.
+fn kind(head: &[u8]) -> FileKind {
+    const MAGIC: [(&[u8], FileKind); 3] = [
+        (b"\x89MCAP", FileKind::Mcap),
+        (b"\x93NUMPY", FileKind::Npy),
+        (b"PK\x03\x04", FileKind::Npz),
     ];
-    if let Some((_, ending)) = MAGIC.iter().find(|(magic, _)| head.starts_with(magic)) {
-        return ending;
+    if let Some((_, kind)) = MAGIC.iter().find(|(magic, _)| head.starts_with(magic)) {
+        return *kind;
     }
     let text = String::from_utf8_lossy(head);
     let line = text
@@ -174,7 +175,10 @@ fn kind(head: &[u8]) -> &'static str {
             .split_whitespace()
             .take(6)
             .any(|word| word.starts_with(['[', '{']));
-    if is_candump { "log" } else { "csv" }
+    match is_candump {
+        true => FileKind::Log,
+        false => FileKind::Csv,
+    }
 }
 
 #[cfg(test)]
@@ -196,7 +200,7 @@ mod tests {
             (b"1;2;3\n", "csv"),
             (b"", "csv"),
         ] {
-            assert_eq!(kind(head), ending, "{}", String::from_utf8_lossy(head));
+            assert_eq!(kind(head).ending(), ending, "{}", String::from_utf8_lossy(head));
         }
     }
 }

@@ -24,6 +24,7 @@ use std::time::Duration;
 use taxel_can::SourceAddress;
 use taxel_playback::head::is_here;
 use taxel_playback::interrupt::Interrupt;
+use taxel_record::FileKind;
 use taxel_recorder::{Around, CanInput, Plan, Signals, Split};
 use taxel_skin::Layout;
 use taxel_wire::Hello;
@@ -125,8 +126,7 @@ fn size(text: &str) -> Result<u64, String> {
 }
 
 pub(crate) fn run(args: &Args) -> anyhow::Result<()> {
-    let ending = args.out.extension();
-    if !ending.is_some_and(|ending| ending.eq_ignore_ascii_case("mcap")) {
+    if FileKind::of(&args.out) != Some(FileKind::Mcap) {
         return Err(wrong_use(format!(
             "{}: a recording is called NAME.mcap; `taxel convert` makes other formats of it",
             args.out.display()

@@ -184,7 +184,8 @@ impl Seen {
             let squares = |values: &[f64]| values.iter().map(|x| x * x).sum::<f64>();
             let rest = squares(&centred) - squares(&self.scores[row * COMPONENTS..]);
             self.rests.push(rest.max(0.0));
-            self.totals.push(image.iter().map(|count| f64::from(*count)).sum());
+            self.totals
+                .push(image.iter().map(|count| f64::from(*count)).sum());
         }
     }
 

@@ -12,8 +12,12 @@ use taxel_wire::{EventKind, Hello};
 
 /// The tactile frames that the daemon made, counts and joint angles, from the first in which a taxel has a value.
 pub fn frames(path: &Path) -> anyhow::Result<Recording> {
-    frames_and_wall_marks(path, "neither CAN traffic nor tactile frames in it")
-        .map(|(recording, ..)| recording)
+    let nothing = format!(
+        "no tactile frames of a daemon in it; of CAN traffic `taxel convert {} {}` makes some",
+        path.display(),
+        path.with_extension("npz").display()
+    );
+    frames_and_wall_marks(path, &nothing).map(|(recording, ..)| recording)
 }
 
 /// The tactile frames that the daemon made, and the marks that people and programs made meanwhile; times of both begin with

@@ -18,6 +18,26 @@ pub type Check<'a> = dyn Fn() -> anyhow::Result<()> + 'a;
 /// CAN frames between two such questions.
 const CHECKED: u64 = 4096;
 
+/// What a file of CAN traffic looks like.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum TrafficFormat {
+    /// Lines as candump writes them.
+    Candump,
+    /// A recording.
+    Mcap,
+}
+
+impl TrafficFormat {
+    /// By what a name ends with, in small letters.
+    pub fn of_ending(ending: &str) -> Option<Self> {
+        match ending {
+            "log" => Some(Self::Candump),
+            "mcap" => Some(Self::Mcap),
+            _ => None,
+        }
+    }
+}
+
 /// A file of CAN traffic.
 pub struct TrafficOutput {
     path: PathBuf,
@@ -36,9 +56,9 @@ enum TrafficFile {
 }
 
 impl TrafficOutput {
-    /// A new file, `log` for candump lines, `mcap` for a recording that `command` made.
-    pub fn create(path: &Path, ending: &str, command: &str) -> anyhow::Result<Self> {
-        let file = TrafficFile::create(path, ending, command);
+    /// A new file that `command` makes.
+    pub fn create(path: &Path, format: TrafficFormat, command: &str) -> anyhow::Result<Self> {
+        let file = TrafficFile::create(path, format, command);
         Ok(Self {
             path: path.into(),
             file: file.with_context(|| path.display().to_string())?,
@@ -85,10 +105,10 @@ impl TrafficOutput {
 }
 
 impl TrafficFile {
-    fn create(path: &Path, ending: &str, command: &str) -> anyhow::Result<Self> {
+    fn create(path: &Path, format: TrafficFormat, command: &str) -> anyhow::Result<Self> {
         let file = create_stream(path)?;
         let file = BufWriter::with_capacity(1 << 20, file);
-        if ending == "log" {
+        if format == TrafficFormat::Candump {
             return Ok(Self::Candump(LogWriter::new(file)));
         }
         let recorder = format!("taxel {} {command}", env!("CARGO_PKG_VERSION"));

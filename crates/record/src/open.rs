@@ -1,6 +1,7 @@
 //! Which reader reads which file.
 
 use crate::error::RecordError;
+use crate::kind::FileKind;
 use crate::recording::Recording;
 use crate::table::{RATES_HZ, ReadOptions, Void};
 use crate::{csv, npy, npz};
@@ -18,36 +19,37 @@ impl Recording {
             return Err(RecordError::Rate { rate_hz });
         }
         let refused = |reason: String| Err(RecordError::unreadable(path.display(), reason));
-        let extension = path.extension().and_then(|e| e.to_str()).unwrap_or("");
-        let table = match extension.to_ascii_lowercase().as_str() {
-            "npy" | "csv" if options.array.is_some() => {
+        let table = match FileKind::of(path) {
+            Some(FileKind::Npy | FileKind::Csv) if options.array.is_some() => {
                 return refused("--array picks one array of an .npz; this file has no named arrays".into());
             }
-            "npy" | "csv" if matches!(options.void, Some(Void::Mask(_))) => {
+            Some(FileKind::Npy | FileKind::Csv) if matches!(options.void, Some(Void::Mask(_))) => {
                 return refused("--void NAME is an array of an .npz; here it can be nan".into());
             }
-            "npy" => npy::read(path, options)?,
-            "npz" => npz::read(path, options)?,
-            "csv" => csv::read(path, options)?,
-            "log" => {
+            Some(FileKind::Npy) => npy::read(path, options)?,
+            Some(FileKind::Npz) => npz::read(path, options)?,
+            Some(FileKind::Csv) => csv::read(path, options)?,
+            Some(FileKind::Log) => {
                 return refused(
                     "a candump .log holds CAN traffic, not tactile frames; read it through a CAN source, log:FILE"
                         .into(),
                 );
             }
-            "mcap" => {
-                return refused(
-                    "MCAP recordings cannot be read by this version; export the CAN traffic as a candump .log, or \
-                     the frames as .npz"
-                        .into(),
-                );
+            Some(FileKind::Mcap) => {
+                return refused(format!(
+                    "an .mcap holds more than tactile frames; `taxel convert {} {}` makes frames of it",
+                    path.display(),
+                    path.with_extension("npz").display()
+                ));
             }
-            other => {
-                let found = match other {
+            None => {
+                let extension = path.extension().and_then(|e| e.to_str()).unwrap_or("");
+                let other = extension.to_ascii_lowercase();
+                let found = match other.as_str() {
                     "" => "nothing".into(),
                     other => format!(".{other}"),
                 };
-                let how = made_of(other, path).map_or_else(String::new, |how| format!("; {how}"));
+                let how = made_of(&other, path).map_or_else(String::new, |how| format!("; {how}"));
                 return refused(format!(
                     "a recording ends in .npy, .npz or .csv (tactile frames), .log (candump) or .mcap (`taxel record`), \
                      not {found}{how}"
@@ -106,6 +108,16 @@ mod tests {
             ("grasp.log.1", "`taxel COMMAND - < grasp.log.1`"),
             ("grasp.txt", "`taxel COMMAND - < grasp.txt`"),
             ("grasp.parquet", "pandas.read_parquet("),
+        ] {
+            let error = Recording::open(Path::new(name), &ReadOptions::default()).unwrap_err();
+            assert!(error.to_string().contains(how), "{error}");
+        }
+        for (name, how) in [
+            ("grasp.log", "read it through a CAN source"),
+            (
+                "GRASP.MCAP",
+                "`taxel convert GRASP.MCAP GRASP.npz` makes frames of it",
+            ),
         ] {
             let error = Recording::open(Path::new(name), &ReadOptions::default()).unwrap_err();
             assert!(error.to_string().contains(how), "{error}");

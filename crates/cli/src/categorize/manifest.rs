@@ -6,7 +6,7 @@ use std::fs::File;
 use std::io::Read;
 use std::path::{Path, PathBuf};
 use taxel_hand::did_you_mean;
-use taxel_record::{ReadOptions, Recording};
+use taxel_record::{FileKind, ReadOptions, Recording};
 use taxel_sequence::{Motion, Touch};
 
 /// A row of a manifest: one touch, or all touches of a scene. Columns may be empty; `file` may not.
@@ -27,6 +27,32 @@ struct Row {
     file: String,
     /// Where in the file the touch begins, s; its whole length where it is empty.
     time: Option<f64>,
+}
+
+impl Row {
+    /// How the touch was made, where it is said.
+    ///
+    /// # Errors
+    /// Where that, or when the touch begins, cannot be.
+    fn motion(&self) -> anyhow::Result<Option<Motion>> {
+        if let Some(time) = self.time.filter(|time| !(0.0..1e9).contains(time)) {
+            bail!("time {time}; a touch begins at a number of seconds from 0 on");
+        }
+        let radius = self.radius.unwrap_or(0.0);
+        let is_rotary = match self.motion.as_str() {
+            "" => radius > 0.0,
+            "vertical" => false,
+            "rotary" => true,
+            other => bail!("motion {other:?}; it is vertical or rotary"),
+        };
+        ensure!(
+            is_rotary == (radius > 0.0),
+            "a {} motion of radius {radius} mm; vertical is 0, rotary above it",
+            self.motion
+        );
+        let motion = self.depth.map(|depth| Motion::new(depth, radius));
+        Ok(motion.transpose()?)
+    }
 }
 
 /// Touches that a manifest names: those of one scene, or rows of the same phantom and motion.
@@ -53,7 +79,7 @@ const HEAD: u64 = 1 << 16;
 /// # Errors
 /// Where the first line is one of a manifest already, for want of the names.
 pub(crate) fn is_manifest(path: &Path) -> anyhow::Result<bool> {
-    let is_csv = path.extension().is_some_and(|e| e.eq_ignore_ascii_case("csv"));
+    let is_csv = FileKind::of(path) == Some(FileKind::Csv);
     match first_lines(path).ok().filter(|_| is_csv) {
         Some(head) => names_files(path, &head),
         None => Ok(false),
@@ -61,8 +87,7 @@ pub(crate) fn is_manifest(path: &Path) -> anyhow::Result<bool> {
 }
 
 fn is_recording(name: &&String) -> bool {
-    let endings = [".npy", ".npz", ".csv", ".mcap"];
-    name.starts_with("sim:") || name.contains(".npz:") || endings.iter().any(|end| name.ends_with(end))
+    name.starts_with("sim:") || name.contains(".npz:") || FileKind::of(Path::new(name)).is_some()
 }
 
 fn names_files(path: &Path, head: &Head) -> anyhow::Result<bool> {
@@ -118,14 +143,8 @@ fn first_lines(path: &Path) -> anyhow::Result<Head> {
     })
 }
 
-/// What a manifest names, in its order.
-pub(crate) fn read_manifest(path: &Path, options: &ReadOptions) -> anyhow::Result<Vec<Job>> {
-    let head = first_lines(path).with_context(|| path.display().to_string())?;
-    ensure!(
-        names_files(path, &head)?,
-        "{}: a manifest has a column called file",
-        path.display()
-    );
+/// Refuses a column that no manifest has.
+fn refuse_unknown_columns(path: &Path, head: &Head) -> anyhow::Result<()> {
     if let Some(other) = head.names.iter().find(|name| !COLUMNS.contains(&name.as_str())) {
         let meant = match other.as_str() {
             "class" => "; did you mean `label`?".into(),
@@ -142,6 +161,18 @@ pub(crate) fn read_manifest(path: &Path, options: &ReadOptions) -> anyhow::Resul
             COLUMNS.join(", ")
         );
     }
+    Ok(())
+}
+
+/// What a manifest names, in its order.
+pub(crate) fn read_manifest(path: &Path, options: &ReadOptions) -> anyhow::Result<Vec<Job>> {
+    let head = first_lines(path).with_context(|| path.display().to_string())?;
+    ensure!(
+        names_files(path, &head)?,
+        "{}: a manifest has a column called file",
+        path.display()
+    );
+    refuse_unknown_columns(path, &head)?;
     let mut reader = csv::ReaderBuilder::new()
         .trim(csv::Trim::All)
         .comment(Some(b'#'))
@@ -167,30 +198,7 @@ pub(crate) fn read_manifest(path: &Path, options: &ReadOptions) -> anyhow::Resul
                 None => anyhow!("{}: {error}", at()),
             }
         })?;
-        if let Some(time) = row.time.filter(|time| !(0.0..1e9).contains(time)) {
-            bail!(
-                "{}: time {time}; a touch begins at a number of seconds from 0 on",
-                at()
-            );
-        }
-        let rotary = match row.motion.as_str() {
-            "" => row.radius.is_some_and(|radius| radius > 0.0),
-            "vertical" => false,
-            "rotary" => true,
-            other => bail!("{}: motion {other:?}; it is vertical or rotary", at()),
-        };
-        let radius = row.radius.unwrap_or(0.0);
-        ensure!(
-            rotary == (radius > 0.0),
-            "{}: a {} motion of radius {radius} mm; vertical is 0, rotary above it",
-            at(),
-            row.motion
-        );
-        let motion = row
-            .depth
-            .map(|depth| Motion::new(depth, radius))
-            .transpose()
-            .with_context(at)?;
+        let motion = row.motion().with_context(at)?;
         let same = jobs.iter_mut().find(|job| {
             let of = &job.rows[0].1;
             job.motion == motion && of.phantom == row.phantom && !of.file.starts_with("sim:")

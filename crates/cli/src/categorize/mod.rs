@@ -26,7 +26,7 @@ use taxel_palpation::{
     Agreement, Categories, Classifier, Matrix, Pca, Silhouette, Solver, clusters_by_silhouette, optimal,
     paper, stability,
 };
-use taxel_record::{Columns, RATES_HZ, ReadOptions};
+use taxel_record::{Columns, FileKind, RATES_HZ, ReadOptions};
 use taxel_sequence::{Aligned, Motion};
 use taxel_skin::Layout;
 pub(crate) use touches::label_of;
@@ -256,7 +256,7 @@ fn read(args: &Args) -> anyhow::Result<Set> {
     if motion.is_none() && args.radius != 0.0 {
         return Err(wrong_use(format!("--radius {} needs --depth", args.radius)));
     }
-    let knows_itself = input.starts_with("sim:") || input.to_ascii_lowercase().ends_with(".mcap");
+    let knows_itself = input.starts_with("sim:") || FileKind::of(Path::new(input)) == Some(FileKind::Mcap);
     for (option, is_given) in [
         ("--columns", args.columns.is_some()),
         ("--rate", args.rate.is_some()),

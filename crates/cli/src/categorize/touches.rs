@@ -6,7 +6,7 @@ use std::path::{Path, PathBuf};
 use taxel_can::Received;
 use taxel_engine::{Engine, Frames, TickMode};
 use taxel_playback::{recorded, stand_in};
-use taxel_record::{DEFAULT_RATE_HZ, Frames as Recorded, ReadOptions, Recording};
+use taxel_record::{DEFAULT_RATE_HZ, FileKind, Frames as Recorded, ReadOptions, Recording};
 use taxel_sequence::{
     Aligned, Alignment, Cut, Mark, Motion, SequenceError, Touch, align, cut_by_contact, cut_by_marks,
     sure_step,
@@ -102,12 +102,9 @@ pub(crate) fn of_recording(
     cutting: &Cutting,
     motion: Option<Motion>,
 ) -> anyhow::Result<Set> {
-    let is_mcap = path
-        .extension()
-        .is_some_and(|ending| ending.eq_ignore_ascii_case("mcap"));
-    let (recording, marks) = match is_mcap {
-        true => recorded::frames_and_marks(path)?,
-        false => (open(path, options)?, Vec::new()),
+    let (recording, marks) = match FileKind::of(path) {
+        Some(FileKind::Mcap) => recorded::frames_and_marks(path)?,
+        _ => (open(path, options)?, Vec::new()),
     };
     if motion.is_none() || cutting.marks.is_some() {
         tell_assumed_rate(&recording, options);
@@ -158,15 +155,16 @@ pub(crate) fn of_recording(
 
 /// Opens frames; of CAN traffic, says how they are made of it.
 pub(super) fn open(path: &Path, options: &ReadOptions) -> anyhow::Result<Recording> {
-    ensure!(
-        path.extension()
-            .is_none_or(|ending| !ending.eq_ignore_ascii_case("log")),
-        "{0}: a candump .log holds CAN traffic, not tactile frames; `taxel convert {0} {1}` makes frames of it, with --config \
-         FILE those of your hand",
-        path.display(),
-        path.with_extension("npz").display()
-    );
-    Ok(Recording::open(path, options)?)
+    match FileKind::of(path) {
+        Some(FileKind::Log) => bail!(
+            "{0}: a candump .log holds CAN traffic, not tactile frames; `taxel convert {0} {1}` makes frames of it, with \
+             --config FILE those of your hand",
+            path.display(),
+            path.with_extension("npz").display()
+        ),
+        Some(FileKind::Mcap) => recorded::frames(path),
+        _ => Ok(Recording::open(path, options)?),
+    }
 }
 
 /// Says that a recording without times is taken to have come at a rate that nobody gave; whether it is so.

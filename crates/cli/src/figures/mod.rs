@@ -19,6 +19,7 @@ use take::Take;
 use taxel_hand::{Method, Profile};
 use taxel_playback::output_file::{OutputFile, refuse_overlap};
 use taxel_plot::Sheet;
+use taxel_record::FileKind;
 
 /// Draw what the first publication shows, from recordings: figures as SVG, their numbers as CSV beside them.
 ///
@@ -214,19 +215,12 @@ fn recordings_of(folder: &Path) -> anyhow::Result<Vec<PathBuf>> {
     let mut paths = Vec::new();
     for entry in entries {
         let path = entry.with_context(|| folder.display().to_string())?.path();
-        let extension = path.extension().and_then(|e| e.to_str()).unwrap_or("");
-        if ["log", "mcap", "csv", "npy", "npz"]
-            .iter()
-            .any(|known| extension.eq_ignore_ascii_case(known))
-        {
+        if FileKind::of(&path).is_some() {
             paths.push(path);
         }
     }
     if paths.is_empty() {
-        bail!(
-            "{}: no .log, .mcap, .csv, .npy or .npz in this folder",
-            folder.display()
-        );
+        bail!("{}: no {} in this folder", folder.display(), FileKind::ENDINGS);
     }
     paths.sort();
     Ok(paths)
@@ -240,7 +234,7 @@ fn names(paths: &[PathBuf], array: Option<&str>) -> Vec<String> {
         let text = path.to_str().unwrap_or("recording");
         let path = Path::new(text.strip_prefix("sim:").unwrap_or(text));
         let stem = path.file_stem().and_then(|stem| stem.to_str());
-        let is_npz = path.extension().is_some_and(|e| e.eq_ignore_ascii_case("npz"));
+        let is_npz = FileKind::of(path) == Some(FileKind::Npz);
         let stem = match (stem.unwrap_or("recording"), array.filter(|_| is_npz)) {
             // An array may be in a folder of the archive.
             (stem, Some(array)) => format!("{stem}-{}", array.replace('/', "-")),

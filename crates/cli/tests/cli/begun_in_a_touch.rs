@@ -17,7 +17,7 @@ fn record(dir: &TempDir, has_baselines: bool) {
 }
 
 /// These of its frames, 10 ms each.
-fn record_frames(dir: &TempDir, name: &str, frames: Range<u64>, has_baselines: bool) {
+pub(crate) fn record_frames(dir: &TempDir, name: &str, frames: Range<u64>, has_baselines: bool) {
     let layout = Layout::builtin("uskin-module").unwrap();
     let file = File::create(dir.path().join(name)).unwrap();
     let mut writer = RecordingWriter::begin(file, &Preamble::default(), 0).unwrap();

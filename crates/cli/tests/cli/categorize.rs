@@ -1,5 +1,6 @@
 //! `taxel categorize` on recordings, manifests and phantoms.
 
+use crate::begun_in_a_touch::record_frames;
 use crate::{fails, simulated, succeeds};
 use serde_json::Value;
 use std::fmt::Write as _;
@@ -207,6 +208,25 @@ fn a_manifest_marks_and_contact_cut_the_same_touches() {
         );
         assert_eq!(report["ari"], report["accuracy"]);
     }
+}
+
+#[test]
+fn a_manifest_may_name_recordings_of_the_daemon() {
+    let dir = tempfile::tempdir().unwrap();
+    record_frames(&dir, "hand.mcap", 0..20, true);
+    let manifest = |file: &str| format!("file,label,time\n{file},a,0\n{file},b,0.05\n");
+    std::fs::write(dir.path().join("hand.csv"), manifest("hand.mcap")).unwrap();
+    let (out, _) = succeeds(&dir, &["categorize", "hand.csv", "--classes", "2", "--json"]);
+    let report: Value = serde_json::from_str(&out).unwrap();
+    assert_eq!(report["touches"], 2);
+    succeeds(&dir, &["sim", "tap", "--to", "log:can.log", "--seconds", "1"]);
+    succeeds(&dir, &["convert", "can.log", "can.mcap"]);
+    std::fs::write(dir.path().join("can.csv"), manifest("can.mcap")).unwrap();
+    let err = fails(&dir, &["categorize", "can.csv", "--classes", "2"], 1);
+    assert!(
+        err.contains("can.csv:2: can.mcap: no tactile frames of a daemon in it; of CAN traffic `taxel convert can.mcap can.npz`"),
+        "{err}"
+    );
 }
 
 #[test]
