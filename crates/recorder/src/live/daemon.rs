@@ -105,7 +105,14 @@ fn read_subscription(
         every: true,
         ..Subscribe::default()
     })?;
-    let (mut joints, mut is_monotonic) = (Vec::new(), false);
+    let mut kept = Kept {
+        joints: Vec::new(),
+        is_monotonic: false,
+        mark_triggers,
+        recorded,
+        queue,
+        shared,
+    };
     let (mut wait, mut gathered) = (Duration::ZERO, 0);
     while !shared.is_over() {
         let Some(received) = subscriber.next_timeout(wait)? else {
@@ -120,24 +127,42 @@ fn read_subscription(
             continue;
         };
         wait = Duration::ZERO;
-        let now_ns = shared.wall.at(monotonic_ns());
-        let wall = |t_ns| {
-            if is_monotonic {
-                shared.wall.at(t_ns)
-            } else {
-                now_ns
-            }
-        };
-        let mut put = |topic, wall_ns, data: Vec<u8>| {
+        kept.keep(received, &mut |topic, wall_ns, data: Vec<u8>| {
             gathered += data.len();
             shared.entry(queue, topic, wall_ns, data);
+        });
+    }
+    Ok(())
+}
+
+/// What a subscription is written with.
+struct Kept<'a> {
+    /// The joints of the hand, by the newest HELLO.
+    joints: Vec<String>,
+    /// Whether its times are those of this machine.
+    is_monotonic: bool,
+    mark_triggers: bool,
+    recorded: &'a mut Described,
+    queue: &'a SyncSender<Message>,
+    shared: &'a Shared<'a>,
+}
+
+impl Kept<'_> {
+    /// Puts what is kept of a message: topic, time on the wall clock, bytes.
+    fn keep(&mut self, received: Received<'_>, put: &mut dyn FnMut(Topic, u64, Vec<u8>)) {
+        let shared = self.shared;
+        let now_ns = shared.wall.at(monotonic_ns());
+        let is_monotonic = self.is_monotonic;
+        let wall = |t_ns| match is_monotonic {
+            true => shared.wall.at(t_ns),
+            false => now_ns,
         };
         match received {
             Received::Hello(hello) => {
                 shared.is_described.store(true, Ordering::Relaxed);
-                follow(hello, recorded, queue, shared);
-                is_monotonic = hello.clock == Clock::Monotonic;
-                joints.clone_from(&hello.joints);
+                follow(hello, self.recorded, self.queue, shared);
+                self.is_monotonic = hello.clock == Clock::Monotonic;
+                self.joints.clone_from(&hello.joints);
                 let text = String::from_utf8_lossy(&hello.to_json()).into_owned();
                 put(Topic::Hello, now_ns, text_message(&text));
             }
@@ -145,11 +170,11 @@ fn read_subscription(
                 let wall_ns = wall(header.t_ns);
                 shared.skipped.fetch_add(header.skipped.into(), Ordering::Relaxed);
                 put(Topic::Frames, wall_ns, frame_message(&header, &raw));
-                if raw.joints().len() == joints.len() && !joints.is_empty() {
+                if raw.joints().len() == self.joints.len() && !self.joints.is_empty() {
                     put(
                         Topic::Joints,
                         wall_ns,
-                        joints_message(&joints, &raw, shared.stamp_ns(wall_ns)),
+                        joints_message(&self.joints, &raw, shared.stamp_ns(wall_ns)),
                     );
                 }
             }
@@ -186,13 +211,12 @@ fn read_subscription(
                 if event.event == EventKind::Disconnect {
                     (shared.signals.say)(&format!("taxeld closes the connection: {}", event.message));
                 }
-                if mark_triggers && event.event == EventKind::Mark {
+                if self.mark_triggers && event.event == EventKind::Mark {
                     let why = format!("mark {:?}", event.message);
-                    shared.hand_over(queue, Message::Trigger { wall_ns, why });
+                    shared.hand_over(self.queue, Message::Trigger { wall_ns, why });
                 }
             }
             Received::Touch(..) | Received::Estimate(..) | Received::Other(_) => {}
         }
     }
-    Ok(())
 }
