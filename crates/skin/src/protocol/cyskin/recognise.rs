@@ -54,6 +54,14 @@ struct Ways {
     plain: Vec<u8>,
 }
 
+impl Ways {
+    /// Whether they are a packet with this checksum, numbered or not.
+    fn is_whole(&self, checksum: Checksum) -> bool {
+        let numbered = self.numbered.as_ref();
+        numbered.is_some_and(|bytes| is_whole(bytes, checksum)) || is_whole(&self.plain, checksum)
+    }
+}
+
 impl HubTraffic {
     /// Whether a frame at this place of a packet is worth to follow the packets of its standard id: boards
     /// of other kinds have such ids too.
@@ -148,15 +156,9 @@ pub(crate) fn guess(ids: HubIds, hubs: &[&HubTraffic]) -> Option<(CyskinGuess, V
     let is_hub = |hub: &&&HubTraffic| ids == HubIds::Extended || hub.is_hub(&anything);
     let hubs: Vec<&HubTraffic> = hubs.iter().filter(is_hub).copied().collect();
     let ways: Vec<Ways> = hubs.iter().flat_map(|hub| hub.ways()).collect();
-    let by_length = |ways: &Ways, checksum| {
-        ways.numbered
-            .as_ref()
-            .is_some_and(|bytes| is_whole(bytes, checksum))
-            || is_whole(&ways.plain, checksum)
-    };
     let packets: Vec<&Ways> = ways
         .iter()
-        .filter(|ways| by_length(ways, Checksum::Unchecked) && ways.plain[0] == SENSOR_DATA)
+        .filter(|ways| ways.is_whole(Checksum::Unchecked) && ways.plain[0] == SENSOR_DATA)
         .collect();
     if packets.len() < 2 || packets.len() * 2 < ways.len() {
         return None;
@@ -168,55 +170,10 @@ pub(crate) fn guess(ids: HubIds, hubs: &[&HubTraffic]) -> Option<(CyskinGuess, V
                 .to_string(),
         ],
     };
-    let right = |checksum: Checksum| packets.iter().filter(|p| by_length(p, checksum)).count();
-    let good: Vec<Checksum> = CHECKSUMS
-        .into_iter()
-        .filter(|c| right(*c) as f64 >= RIGHT * packets.len() as f64)
-        .collect();
-    let checksum = match good[..] {
-        [] => {
-            doubts.push("no known checksum fits the packets, so they are not checked".into());
-            Checksum::Unchecked
-        }
-        [one] => one,
-        [first, ..] => {
-            doubts.push(format!(
-                "the checksums {good:?} all fit the packets; the first is a guess"
-            ));
-            first
-        }
-    };
-    let (mut numbered, mut plain) = (BTreeSet::new(), BTreeSet::new());
-    for packet in &packets {
-        let as_numbered = packet
-            .numbered
-            .as_ref()
-            .is_some_and(|bytes| is_whole(bytes, checksum));
-        let as_plain = is_whole(&packet.plain, checksum);
-        match (as_numbered, as_plain) {
-            (true, false) => _ = numbered.insert(packet.plain[1]),
-            // A packet of one frame says nothing of continuation frames.
-            (false, true) if packet.plain.len() > 8 => _ = plain.insert(packet.plain[1]),
-            _ => {}
-        }
-    }
-    let sequence_bytes_above = match (numbered.first(), plain.last()) {
-        (None, None) => {
-            doubts.push("no packet of several frames was heard: sequence_bytes_above is a guess".into());
-            u8::MAX
-        }
-        (None, Some(_)) => u8::MAX,
-        (Some(_), None) => 0,
-        (Some(fewest), Some(most)) => {
-            if fewest <= most {
-                doubts.push(
-                    "packets of one length are numbered and not numbered: sequence_bytes_above is a guess"
-                        .into(),
-                );
-            }
-            *most
-        }
-    };
+    let (checksum, doubt) = checksum(&packets);
+    doubts.extend(doubt);
+    let (sequence_bytes_above, doubt) = sequence_bytes_above(&packets, checksum);
+    doubts.extend(doubt);
     let mut guess = CyskinGuess {
         checksum,
         sequence_bytes_above,
@@ -233,6 +190,59 @@ pub(crate) fn guess(ids: HubIds, hubs: &[&HubTraffic]) -> Option<(CyskinGuess, V
         None => doubts.push("the values do not tell their byte order; \"big\" is a guess".into()),
     }
     Some((guess, doubts))
+}
+
+/// The checksum that nearly all packets have, and what is doubtful about it.
+fn checksum(packets: &[&Ways]) -> (Checksum, Option<String>) {
+    let right = |checksum: Checksum| packets.iter().filter(|p| p.is_whole(checksum)).count();
+    let good: Vec<Checksum> = CHECKSUMS
+        .into_iter()
+        .filter(|c| right(*c) as f64 >= RIGHT * packets.len() as f64)
+        .collect();
+    match good[..] {
+        [] => (
+            Checksum::Unchecked,
+            Some("no known checksum fits the packets, so they are not checked".into()),
+        ),
+        [one] => (one, None),
+        [first, ..] => (
+            first,
+            Some(format!(
+                "the checksums {good:?} all fit the packets; the first is a guess"
+            )),
+        ),
+    }
+}
+
+/// The most values of a packet whose frames are not numbered, and what is doubtful about it.
+fn sequence_bytes_above(packets: &[&Ways], checksum: Checksum) -> (u8, Option<String>) {
+    let (mut numbered, mut plain) = (BTreeSet::new(), BTreeSet::new());
+    for packet in packets {
+        let as_numbered = packet
+            .numbered
+            .as_ref()
+            .is_some_and(|bytes| is_whole(bytes, checksum));
+        let as_plain = is_whole(&packet.plain, checksum);
+        match (as_numbered, as_plain) {
+            (true, false) => _ = numbered.insert(packet.plain[1]),
+            // A packet of one frame says nothing of continuation frames.
+            (false, true) if packet.plain.len() > 8 => _ = plain.insert(packet.plain[1]),
+            _ => {}
+        }
+    }
+    match (numbered.first(), plain.last()) {
+        (None, None) => (
+            u8::MAX,
+            Some("no packet of several frames was heard: sequence_bytes_above is a guess".into()),
+        ),
+        (None, Some(_)) => (u8::MAX, None),
+        (Some(_), None) => (0, None),
+        (Some(fewest), Some(most)) => {
+            let doubt =
+                "packets of one length are numbered and not numbered: sequence_bytes_above is a guess";
+            (*most, (fewest <= most).then(|| doubt.into()))
+        }
+    }
 }
 
 /// The number of values per module with which the packets of a sweep follow one another without gap
