@@ -142,7 +142,6 @@ fn seeds(target: &str) -> Vec<Vec<u8>> {
                 .to_vec(),
         ],
         "scene_file" => Scene::names()
-            .into_iter()
             .filter_map(|name| Some(Scene::builtin_text(name)?.as_bytes().to_vec()))
             .collect(),
         "mat_file" => vec![write_mat(&Matrix {
