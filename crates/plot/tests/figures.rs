@@ -312,7 +312,6 @@ fn names_of_a_chart_stay_within_it() {
     let chart = Chart::new("", Axis::new(long), Axis::new(long))
         .line(long, [(0.0, 0.0), (1.0, 1.0)])
         .line("other", [(0.0, 1.0), (1.0, 0.0)])
-        .at_x("an instant at the right edge", 0.99)
         .at_y("a threshold at the top", 1.0);
     let svg = Sheet::new("").panel_size(240, 200).chart(chart).svg().unwrap();
     let number = |text: &str, name: &str| -> f64 {
