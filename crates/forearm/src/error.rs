@@ -1,5 +1,6 @@
 //! Why a squeeze cannot be read, or a place not be estimated.
 
+use crate::estimate::LeftOut;
 use crate::mat::TornMat;
 use std::io;
 use std::path::PathBuf;
@@ -195,11 +196,20 @@ pub enum ForearmError {
         /// From its least to its most in all squeezes of the training, degrees.
         span: f64,
     },
+    /// Angles that move in another way than in the training.
+    #[error(
+        "the angles are {times:.0} times as far from those of the training as any of its squeezes; is it the same gripper, \
+         with each angle in its column?"
+    )]
+    Unlike {
+        /// How far, in multiples of the furthest squeeze of the training.
+        times: f64,
+    },
     /// Angles that are lost or stuck, and without which nothing can be said.
-    #[error("{what}: lost or stuck; look at the potentiometers and servos")]
+    #[error("{}: lost or stuck; look at the potentiometers and servos", .left_out.names().collect::<Vec<_>>().join(", "))]
     Lost {
         /// The angles.
-        what: String,
+        left_out: LeftOut,
     },
     /// A training squeeze without an angle that others have.
     #[error("{name} is lost, and other squeezes have it; take the squeeze away or make it again")]
@@ -228,6 +238,9 @@ pub enum ForearmError {
     /// A squeeze without the touch that is to be looked at.
     #[error("the squeeze has no tactile images; record the tactile finger too, or estimate from the angles")]
     NoTouch,
+    /// A squeeze without touch in a session that has it.
+    #[error("it has no tactile images, and others have; take it away or make it again")]
+    TouchOnce,
     /// Touch that is none as in the training.
     #[error(
         "the tactile images are {times:.0} times as far from those of the training as any of its squeezes; is the array \

@@ -32,7 +32,8 @@ pub(crate) const ANGLES: [&str; 4] = [
     "theta_a of finger 1",
 ];
 
-/// What an estimate was made without: angles that are lost, stuck or jump, and touch that is unlike that of the training.
+/// What an estimate was made without: angles that are lost, stuck or jump, touch that is unlike that of the training, and the
+/// less sure of the two where they contradict each other.
 #[derive(Debug, Clone, Copy, Default, PartialEq, Eq)]
 pub struct LeftOut {
     /// In the order of `ANGLES`.
@@ -59,7 +60,7 @@ pub struct Estimate {
     pub half_width_90: f64,
     /// What it was made from.
     pub source: Source,
-    /// What it was made without; no angles where it was made from touch alone.
+    /// What it was made without.
     pub left_out: LeftOut,
     /// How far the squeeze had come: 0 as PWM begins to rise, 1 at its peak, 2 where it is back at rest.
     pub phase: f64,

@@ -1,7 +1,7 @@
 //! Angles and touch together.
 
-use crate::error::ForearmError;
-use crate::estimate::{Estimate, Estimator, Seen, Source};
+use crate::error::ForearmError::{self, Angle, Lost, Still, Unlike};
+use crate::estimate::{Estimate, Estimator, LeftOut, Seen, Source};
 use crate::kinesthetic::Kinesthetic;
 use crate::session::Trial;
 use crate::squeeze::Squeeze;
@@ -62,8 +62,9 @@ impl Fusion {
     }
 
     /// Both estimates as one: weighed by the inverse of their variances. Where they contradict each other the surer one is
-    /// taken alone, and where angles are lost, or touch is missing or unlike that of the training, the other. The interval is no narrower than if both erred together, since a place that is
-    /// out of order is so for both.
+    /// taken, with the wider of both intervals, and the other is left out. Where angles are lost, or touch is missing or
+    /// unlike that of the training, the other is taken as it is. The interval is no narrower than if both erred together,
+    /// since a place that is out of order is so for both.
     ///
     /// # Errors
     /// Angles of another gripper, whatever touch says; the first one's, where both are missing.
@@ -74,13 +75,18 @@ impl Fusion {
     ) -> Result<Estimate, ForearmError> {
         let (angles, touch) = match (kinesthetic, tactile) {
             (Ok(angles), Ok(touch)) => (angles, touch),
-            (Err(error @ (ForearmError::Angle { .. } | ForearmError::Still { .. })), _) => return Err(error),
+            (Err(error @ (Angle { .. } | Still { .. } | Unlike { .. })), _) => return Err(error),
             (Ok(mut angles), Err(error)) => {
                 angles.left_out.touch = matches!(error, ForearmError::Touch { .. });
                 return Ok(angles);
             }
             (error, Err(_)) => return error,
-            (Err(_), touch) => return touch,
+            (Err(error), Ok(mut touch)) => {
+                if let Lost { left_out } = error {
+                    touch.left_out = left_out;
+                }
+                return Ok(touch);
+            }
         };
         let [a, b] = [
             self.off[0] * angles.half_width_90,
@@ -88,7 +94,19 @@ impl Fusion {
         ];
         let apart = (angles.percent - touch.percent).abs() * DEVIATIONS;
         if apart > CONTRADICTS * a.hypot(b) {
-            return Ok(if a <= b { angles } else { touch });
+            let (mut surer, none) = (if a <= b { angles } else { touch }, LeftOut::default());
+            surer.half_width_90 = angles.half_width_90.max(touch.half_width_90);
+            surer.left_out = match surer.source {
+                Source::Tactile => LeftOut {
+                    angles: [true; 4],
+                    ..none
+                },
+                _ => LeftOut {
+                    touch: true,
+                    ..angles.left_out
+                },
+            };
+            return Ok(surer);
         }
         let weight = b * b / (a * a + b * b);
         Ok(Estimate {
@@ -126,7 +144,7 @@ impl Estimator for Fused {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::estimate::LeftOut;
+    use crate::estimate::ANGLES;
 
     fn estimate(percent: f64, half_width_90: f64, source: Source) -> Result<Estimate, ForearmError> {
         Ok(Estimate {
@@ -136,6 +154,33 @@ mod tests {
             left_out: LeftOut::default(),
             phase: 2.0,
         })
+    }
+
+    #[test]
+    fn what_was_lost_or_is_contradicted_is_left_out() {
+        let fuse = |a, b| {
+            let fused = Fusion::by_intervals().fuse(a, b).unwrap();
+            (fused.source, fused.left_out.names().collect::<Vec<_>>())
+        };
+        let angles = |width| estimate(10.0, width, Source::Kinesthetic);
+        let touch = |percent| estimate(percent, 8.0, Source::Tactile);
+        assert_eq!(fuse(angles(8.0), touch(12.0)), (Source::Fused, vec![]));
+        assert_eq!(
+            fuse(angles(7.0), touch(90.0)),
+            (Source::Kinesthetic, vec!["touch"])
+        );
+        assert_eq!(fuse(angles(9.0), touch(90.0)), (Source::Tactile, ANGLES.to_vec()));
+        let left_out = LeftOut {
+            angles: [false, false, true, true],
+            touch: false,
+        };
+        let other = Fusion::by_intervals().fuse(Err(Unlike { times: 20.0 }), touch(50.0));
+        assert!(
+            other.is_err(),
+            "another gripper's, whatever touch says: {other:?}"
+        );
+        let lost = fuse(Err(Lost { left_out }), touch(50.0));
+        assert_eq!(lost, (Source::Tactile, ANGLES[2..].to_vec()));
     }
 
     #[test]
@@ -153,7 +198,7 @@ mod tests {
         );
         assert_eq!(
             fuse(angles(10.0), touch(90.0)).unwrap(),
-            (10.0, 8.0, Source::Kinesthetic)
+            (10.0, 16.0, Source::Kinesthetic)
         );
         assert_eq!(
             fuse(angles(40.0), Err(ForearmError::NoTouch)).unwrap(),

@@ -1,5 +1,6 @@
 //! Where a gripper holds, from the angles of its fingers.
 
+use crate::domain::Domain;
 use crate::error::ForearmError;
 use crate::estimate::{ANGLES, Estimate, Estimator, LeftOut, Source};
 use crate::glitch::without_glitches;
@@ -52,6 +53,12 @@ const OFF_DEG: f64 = 0.5;
 const MOTORS: std::ops::Range<usize> = 2..4;
 /// Where angles are lost there is a line for every so many steps only.
 const STAGE_OF_FEWER: usize = 6;
+/// Whole squeezes that are so many times as far from those of the training as the furthest of these is are another
+/// gripper's. Public ones, whatever happens to them in `taxel forearm eval`, are 5 times as far at most, and 11 times where four
+/// squeezes a place are trained on; those under a model of the simulated forearm 13 times at least.
+const UNLIKE: f64 = 12.0;
+/// Whole is what comes to the end of the training's squeezes, to this phase.
+const ABOUT: f64 = 0.02;
 
 /// The kinesthetic estimator: partial least squares on the fingers' angles at phases of the squeeze. What is looked at is
 /// chosen on the training squeezes alone.
@@ -62,11 +69,28 @@ pub struct Kinesthetic {
     /// Smallest and largest angle of the training squeezes, degrees, in the order of `ANGLES`. None of an angle that the
     /// training's gripper does not have.
     range_deg: [Option<[f64; 2]>; 4],
+    /// The phase that all training squeezes came to.
+    reached: f64,
     chosen: Tried,
     /// In the order of `READINGS`. None where such an angle is needed.
-    readings: Vec<Option<Regression>>,
+    readings: Vec<Option<Reading>>,
     /// Of the potentiometers.
     stillness: [Stillness; 2],
+}
+
+/// What is made of the angles that are there.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+struct Reading {
+    regression: Regression,
+    /// None where all training squeezes are the same to it.
+    domain: Option<Domain>,
+}
+
+impl Reading {
+    fn is_whole(&self, columns: usize) -> bool {
+        self.regression.is_whole(columns) && self.domain.iter().all(|domain| domain.is_whole(columns))
+    }
 }
 
 impl Kinesthetic {
@@ -106,7 +130,7 @@ impl Kinesthetic {
     /// Half-width of the 90 % interval of a whole squeeze, percent of the forearm.
     pub fn half_width_90(&self) -> f64 {
         let widest = self.readings.iter().flatten().next();
-        widest.map_or(f64::NAN, Regression::half_width_90)
+        widest.map_or(f64::NAN, |reading| reading.regression.half_width_90())
     }
 
     /// Names of the angles that no training squeeze had, so that estimates never look at them.
@@ -121,7 +145,7 @@ impl Kinesthetic {
             .readings
             .iter()
             .zip(READINGS)
-            .map(|(regression, reading)| match regression {
+            .map(|(made, reading)| match made {
                 Some(r) => covers(there, reading) && r.is_whole(columns_of(reading).count()),
                 None => !covers(there, reading),
             });
@@ -130,6 +154,7 @@ impl Kinesthetic {
             && self.readings.iter().any(Option::is_some)
             && ranges
             && self.profile.is_one()
+            && self.reached.is_finite()
             && self.stillness.iter().all(|of| of.is_whole())
             && fit.all(|f| f)
     }
@@ -220,22 +245,28 @@ impl Estimator for Kinesthetic {
             .into_iter()
             .zip(&self.readings)
             .filter(|(reading, _)| covers(healthy, *reading))
-            .find_map(|(reading, regression)| {
+            .find_map(|(reading, made)| {
                 let features = self.features(&columns, &course, reading)?;
-                Some((reading, regression.as_ref()?, features))
+                Some((reading, made.as_ref()?, features))
             });
         let never = self.range_deg.map(|range| range.is_none());
         let lacks = |used: [bool; 4]| LeftOut {
             angles: std::array::from_fn(|n| !used[n] && !never[n]),
             touch: false,
         };
-        let Some((reading, regression, features)) = usable else {
-            let lost = lacks(healthy).names();
-            return Err(ForearmError::Lost {
-                what: lost.collect::<Vec<_>>().join(", "),
-            });
+        let Some((reading, made, features)) = usable else {
+            let left_out = lacks(healthy);
+            return Err(ForearmError::Lost { left_out });
         };
-        let (percent, half_width_90) = regression.estimate(&features, course.steps());
+        let compared = made
+            .domain
+            .as_ref()
+            .filter(|_| course.reached() >= self.reached - ABOUT);
+        let times = compared.map_or(0.0, |domain| domain.times_as_far(&features));
+        if times > UNLIKE {
+            return Err(ForearmError::Unlike { times });
+        }
+        let (percent, half_width_90) = made.regression.estimate(&features, course.steps());
         Ok(Estimate {
             percent,
             half_width_90,
@@ -357,6 +388,8 @@ struct Training {
     range_deg: [Option<[f64; 2]>; 4],
     /// Four angles at phases for each squeeze, 0 where there is none.
     angles: Vec<f64>,
+    /// The phase that all came to.
+    reached: f64,
     places: Vec<usize>,
     percents: Vec<f64>,
 }
@@ -367,6 +400,7 @@ impl Training {
         let mut set = Self {
             profile: Profile::of(trials)?,
             range_deg: std::array::from_fn(|n| range_of(trials, n)),
+            reached: f64::INFINITY,
             angles: Vec::with_capacity(trials.len() * 4 * PHASES),
             places,
             percents,
@@ -441,6 +475,7 @@ impl Training {
 
     fn add(&mut self, squeeze: &Squeeze) -> Result<(), ForearmError> {
         let course = self.profile.whole(squeeze)?;
+        self.reached = self.reached.min(course.reached());
         for (n, name) in ANGLES.into_iter().enumerate() {
             let column = angle(squeeze, n);
             if self.range_deg[n].is_none() {
@@ -486,11 +521,18 @@ impl Training {
         let there = self.range_deg.map(|range| range.is_some());
         let reading = |reading: [bool; 4]| {
             let every = if reading == best { 1 } else { STAGE_OF_FEWER };
-            covers(there, reading).then(|| Regression::train(&self.rows(reading), chosen.choice, every))
+            covers(there, reading).then(|| {
+                let rows = self.rows(reading);
+                Reading {
+                    regression: Regression::train(&rows, chosen.choice, every),
+                    domain: Domain::of(&rows, chosen.choice),
+                }
+            })
         };
         Kinesthetic {
             profile: self.profile,
             range_deg: self.range_deg,
+            reached: self.reached,
             chosen,
             readings: READINGS.map(reading).into(),
             stillness,

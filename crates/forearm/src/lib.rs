@@ -7,6 +7,7 @@
 //! made, from 0 % (wrist) to 100 % (elbow), and how far that may be off; it takes as much of a squeeze as there is.
 
 mod disturbance;
+mod domain;
 mod error;
 mod estimate;
 mod fusion;

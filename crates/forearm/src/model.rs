@@ -13,7 +13,7 @@ use std::path::Path;
 /// What the first line of a model file says it is.
 const KIND: &str = "taxel forearm model";
 /// The version that is written, and the only one that is read.
-const VERSION: u32 = 4;
+const VERSION: u32 = 5;
 /// A model file is no larger: what is read first is bounded.
 const MOST_BYTES: u64 = 64 << 20;
 
@@ -158,10 +158,11 @@ impl Model {
             ));
         }
         if header.units != Units::known() {
+            let [found, read] = [&header.units, &Units::known()].map(serde_json::to_string);
             let what = format!(
-                "its units are {:?}, and {:?} are read",
-                header.units,
-                Units::known()
+                "its units are {}, and {} are read",
+                found.unwrap_or_default(),
+                read.unwrap_or_default()
             );
             return Err(not(&what));
         }
@@ -242,7 +243,7 @@ mod tests {
         text += &serde_json::to_string(&Footer { checksum }).unwrap();
         let error = Model::from_bytes(text.as_bytes()).unwrap_err().to_string();
         assert!(
-            error.contains("its units are") && error.contains("radians"),
+            error.contains(r#"its units are {"angles":"radians","pwm":"of 885","#),
             "{error}"
         );
     }

@@ -74,13 +74,13 @@ pub(crate) struct Rows {
 }
 
 impl Rows {
-    fn row(&self, n: usize) -> &[f64] {
+    pub(crate) fn row(&self, n: usize) -> &[f64] {
         let features = self.columns * PHASES;
         &self.features[n * features..][..features]
     }
 
     /// The part, of so many, that each squeeze is in: its number at its place.
-    fn parts(&self, parts: usize) -> Vec<usize> {
+    pub(crate) fn parts(&self, parts: usize) -> Vec<usize> {
         let mut counts = vec![0; self.percents.len()];
         let next = |place: &usize| {
             counts[*place] += 1;
@@ -238,6 +238,12 @@ fn picks(columns: usize, steps: &[usize]) -> Vec<usize> {
     (0..columns).flat_map(of_column).collect()
 }
 
+/// The features that are looked at of a squeeze that has come to step `last`.
+pub(crate) fn picks_until(columns: usize, choice: Choice, last: usize) -> Vec<usize> {
+    let to = last.min(choice.to);
+    picks(columns, &steps(choice.points, choice.from.min(to), to))
+}
+
 /// Tries everything on the training squeezes alone.
 pub(crate) fn try_all(rows: &Rows) -> Vec<Tried> {
     let left_out = LeftOut::of(rows);
@@ -299,8 +305,7 @@ impl Regression {
         let elsewhere = Elsewhere::of(rows);
         let mut stages = Vec::new();
         for last in (every - 1..PHASES).step_by(every) {
-            let to = last.min(choice.to);
-            let picks = picks(rows.columns, &steps(choice.points, choice.from.min(to), to));
+            let picks = picks_until(rows.columns, choice, last);
             let line = elsewhere.all.fit(&picks, choice.components).pop();
             stages.extend(line.map(|line| Stage {
                 last,
@@ -343,8 +348,13 @@ impl Regression {
             stage.picks.len() == stage.weights.len()
                 && stage.picks.iter().all(|pick| *pick < columns * PHASES)
                 && numbers.copied().all(f64::is_finite)
+                && stage.half_width_90 > 0.0
+                && stage.last < PHASES
         };
-        self.columns == columns && !self.stages.is_empty() && self.stages.iter().all(fits)
+        self.columns == columns
+            && !self.stages.is_empty()
+            && self.stages.iter().all(fits)
+            && self.stages.is_sorted_by(|a, b| a.last < b.last)
     }
 }
 

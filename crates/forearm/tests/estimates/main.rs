@@ -5,8 +5,8 @@ mod goes_on;
 mod lost_angles;
 
 use taxel_forearm::{
-    Disturbance, Errors, Estimator, FULL_PWM, Judged, Kinesthetic, Model, PLACES, Sample, Session, Source,
-    Squeeze, TACTELS, TACTILE_COLUMNS, Trial, location_percent, splits,
+    Disturbance, Errors, Estimate, Estimator, FULL_PWM, Judged, Kinesthetic, Model, PLACES, Sample, Session,
+    Source, Squeeze, TACTELS, TACTILE_COLUMNS, Trial, location_percent, splits,
 };
 
 /// A squeeze whose angles fall evenly from wrist to elbow, and move with PWM.
@@ -97,7 +97,11 @@ fn touch_alone_and_with_angles_tells_the_place_and_a_lost_sense_is_done_without(
         .theta_a_deg
         .iter_mut()
         .for_each(|column| column.fill(f64::NAN));
-    assert_eq!(model.estimate(&whole).unwrap(), felt);
+    let alone = model.estimate(&whole).unwrap();
+    let motors = ["theta_a of finger 0", "theta_a of finger 1"];
+    assert_eq!(alone.left_out.names().collect::<Vec<_>>(), motors);
+    let left_out = felt.left_out;
+    assert_eq!(Estimate { left_out, ..alone }, felt);
     let back = Model::from_bytes(&model.to_bytes()).unwrap();
     assert!((back.estimate(&whole).unwrap().percent - felt.percent).abs() < 1e-6);
 }
@@ -287,6 +291,48 @@ fn squeezes_that_say_nothing_are_refused_by_what_is_wrong_with_them() {
 }
 
 #[test]
+fn angles_that_move_in_another_way_within_the_same_range_are_another_grippers() {
+    let model = model();
+    let mut other = squeeze(37.0, 0.0);
+    assert!(model.estimate(&other).is_ok());
+    // A finger that stays where it is until PWM is back at rest.
+    for angles in &mut other.theta_a_deg {
+        let peak = angles[50];
+        angles[50..90].fill(peak);
+    }
+    let error = model.estimate(&other).unwrap_err().to_string();
+    let words = "times as far from those of the training as any of its squeezes; is it the same gripper";
+    assert!(
+        error.contains("the angles are ") && error.contains(words),
+        "{error}"
+    );
+    let back = Model::from_bytes(&model.to_bytes()).unwrap();
+    assert_eq!(back.estimate(&other).unwrap_err().to_string(), error);
+    // Until it is over, that is not told.
+    assert!(model.estimate(&other.prefix(80)).is_ok());
+}
+
+#[test]
+fn a_model_with_no_interval_or_lines_out_of_order_is_none() {
+    let text = String::from_utf8(model().to_bytes()).unwrap();
+    let (lines, _) = text.trim_end().rsplit_once('\n').unwrap();
+    let width = lines.split("\"half_width_90\":").nth(1).unwrap();
+    let width = width.split('}').next().unwrap();
+    for (from, to) in [
+        (format!("\"half_width_90\":{width}"), "\"half_width_90\":-5.0"),
+        ("\"last\":0,".into(), "\"last\":7,"),
+        ("\"last\":47,".into(), "\"last\":999,"),
+    ] {
+        assert!(lines.contains(&from), "{from}");
+        let edited = lines.replacen(&from, to, 1) + "\n";
+        let checksum = crc32fast::hash(edited.as_bytes());
+        let edited = format!("{edited}{{\"checksum\":{checksum}}}\n");
+        let error = Model::from_bytes(edited.as_bytes()).unwrap_err().to_string();
+        assert!(error.contains("its parts do not fit each other"), "{to}: {error}");
+    }
+}
+
+#[test]
 fn a_course_that_is_no_squeeze_of_the_profile_is_refused_with_the_row_that_tells() {
     let model = model();
     let whole = squeeze(37.0, 0.0);
@@ -459,8 +505,8 @@ fn a_model_comes_back_from_its_bytes_and_nothing_else_is_one() {
         );
     };
     refused(
-        &text.replacen("\"version\":4", "\"version\":3", 1),
-        "of version 3, and 4 is read; train it again",
+        &text.replacen("\"version\":5", "\"version\":4", 1),
+        "of version 4, and 5 is read; train it again",
     );
     refused(
         &text.replacen("forearm model", "palm model", 1),
@@ -482,6 +528,48 @@ fn a_model_comes_back_from_its_bytes_and_nothing_else_is_one() {
     }
     refused("{}", "one line");
     refused("{}\n", "its first line");
+}
+
+#[test]
+fn public_squeezes_are_of_their_gripper_whatever_happens_to_them_and_most_reversed_ones_are_not() {
+    let Some(path) = taxel_recordings::find("forearm_kinesthetic.npz") else {
+        return;
+    };
+    let session = Session::open(&path).unwrap();
+    let split = &splits(&session, 1, 1)[0];
+    let trials: Vec<&Trial> = split.train.iter().map(|n| &session.trials[*n]).collect();
+    let model = Kinesthetic::train(&trials).unwrap();
+    let mut told = 0;
+    for n in &split.test {
+        let trial = &session.trials[*n];
+        for what in [
+            Disturbance::Missing(0.3),
+            Disturbance::Gap(2000.0),
+            Disturbance::Noise(1.0),
+            Disturbance::Faster(2),
+            Disturbance::Slower(2),
+            Disturbance::Zero(1.0),
+            Disturbance::PotentiometerSticks,
+            Disturbance::PotentiometerElsewhere,
+            Disturbance::PotentiometerDead,
+        ] {
+            let estimate = model.estimate(&what.apply(&trial.squeeze, *n as u64));
+            assert!(estimate.is_ok(), "{}, {what}: {estimate:?}", trial.name());
+        }
+        let mut reversed = trial.squeeze.clone();
+        let Squeeze {
+            theta_p_deg,
+            theta_a_deg,
+            ..
+        } = &mut reversed;
+        for column in theta_p_deg.iter_mut().chain(theta_a_deg) {
+            column.reverse();
+        }
+        let error = model.estimate(&reversed).err().map(|error| error.to_string());
+        told += usize::from(error.is_some_and(|error| error.contains("is it the same gripper")));
+    }
+    let all = split.test.len();
+    assert!(10 * told > 9 * all, "{told} of {all}");
 }
 
 /// The figures of docs/forearm.md, with room for another order of additions.
