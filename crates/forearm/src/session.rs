@@ -16,6 +16,8 @@ const VARIABLE: &str = "datos";
 const SIMULATED: &str = "simulated";
 /// What `taxel forearm record` keeps beside the folders of a session.
 const SETTINGS: &str = "session.json";
+/// Squeezes at a place, at most: what is numbered beyond is no squeeze of a session, as a copy with a date for its number.
+const MOST: usize = 1000;
 /// Folders of folders that are looked through.
 const DEPTH: usize = 2;
 
@@ -195,13 +197,19 @@ impl Session {
     /// squeeze has touch.
     ///
     /// # Errors
-    /// A file that cannot be written.
+    /// A file that cannot be written; a squeeze without touch among others that have it.
     pub fn write_npz(&self, path: &Path) -> Result<(), ForearmError> {
+        let touched = self.trials.iter().any(|trial| trial.squeeze.tactile.is_some());
+        let without = (self.trials.iter()).find(|trial| trial.squeeze.tactile.is_none());
+        if let Some(trial) = without.filter(|_| touched) {
+            return Err(within(trial.name())(ForearmError::TouchOnce));
+        }
         let places = self.locations();
         let repetitions = 1 + self.trials.iter().map(|t| t.repetition).max().unwrap_or(0);
         let samples = self.trials.iter().map(|t| t.squeeze.len()).max().unwrap_or(0);
         let mut data = vec![f64::NAN; places.len() * repetitions * samples * COLUMNS];
-        let mut tactile = vec![0; data.len() / COLUMNS * TACTELS];
+        let tactels = if touched { TACTELS } else { 0 };
+        let mut tactile = vec![0; data.len() / COLUMNS * tactels];
         for trial in &self.trials {
             let is_here = |place: &f64| *place == trial.location_percent;
             let place = places.iter().position(is_here).unwrap_or_default();
@@ -222,7 +230,7 @@ impl Session {
         if self.simulated {
             npz.add(SIMULATED, &[1], [1u8])?;
         }
-        if self.has_touch() {
+        if touched {
             let shape = [&squeezes[..], &[TACTILE_ROWS, TACTILE_COLUMNS]].concat();
             npz.add("tactile", &shape, tactile)?;
         }
@@ -278,12 +286,11 @@ fn list(folder: &Path, depth: usize, files: &mut Vec<(usize, usize, PathBuf)>) -
         if path.is_dir() && depth > 0 {
             list(&path, depth - 1, files)?;
         } else if let Some((place, repetition)) = numbers(&path) {
-            if place >= PLACES || repetition == 0 {
-                let what = "places are 0 to 12 and repetitions from 1 on; rename the file or take it away";
-                return Err(ForearmError::Unfit {
-                    path,
-                    what: what.into(),
-                });
+            if place >= PLACES || !(1..=MOST).contains(&repetition) {
+                let what = format!(
+                    "places are 0 to 12 and repetitions 1 to {MOST}; rename the file or take it away"
+                );
+                return Err(ForearmError::Unfit { path, what });
             }
             files.push((place, repetition, path));
         }

@@ -173,6 +173,38 @@ fn what_cannot_be_read_is_named() {
 }
 
 #[test]
+fn a_copy_with_a_date_for_its_number_is_refused_by_name() {
+    let folder = tempfile::tempdir().unwrap();
+    write(folder.path(), 3, 1000, &squeeze(3, 4).to_mat());
+    assert_eq!(Session::open(folder.path()).unwrap().trials.len(), 1);
+    write(folder.path(), 3, 20_261_126, &squeeze(3, 4).to_mat());
+    let error = Session::open(folder.path()).unwrap_err().to_string();
+    assert!(
+        error.contains("distance3_20261126.mat: ") && error.contains("repetitions 1 to 1000"),
+        "{error}"
+    );
+}
+
+#[test]
+fn one_squeeze_without_touch_costs_no_others_theirs() {
+    let folder = tempfile::tempdir().unwrap();
+    let path = folder.path().join("session.npz");
+    let mut session = Session {
+        name: "touched".into(),
+        simulated: false,
+        trials: vec![trial(0, 0, 5), trial(1, 0, 5), trial(1, 1, 5)],
+    };
+    for n in [0, 1] {
+        session.trials[n].squeeze.tactile = Some(vec![1; 5 * TACTELS]);
+    }
+    let error = session.write_npz(&path).unwrap_err().to_string();
+    assert!(
+        error.contains("squeeze 2 at 8.3 %: it has no tactile images, and others have") && !path.exists(),
+        "{error}"
+    );
+}
+
+#[test]
 fn the_public_session_is_read_whole() {
     let Some(path) = taxel_recordings::find("forearm_kinesthetic.npz") else {
         return;
