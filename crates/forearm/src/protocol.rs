@@ -43,7 +43,7 @@ pub fn splits_of_few(session: &Session, repetitions: usize, seed: u64, squeezes:
         for (number, trials) in places.iter().enumerate() {
             let mut trials = trials.clone();
             random.shuffle(&mut trials);
-            let (train, test) = trials.split_at((TRAINED * trials.len() as f64).round() as usize);
+            let (train, test) = trials.split_at(trained(trials.len()));
             let [own, own_test, other_all] = if number % 2 == 0 { [0, 1, 3] } else { [2, 3, 1] };
             parts[own].extend(train.iter().take(squeezes));
             parts[own_test].extend_from_slice(test);
@@ -59,6 +59,13 @@ pub fn splits_of_few(session: &Session, repetitions: usize, seed: u64, squeezes:
         }
     };
     (0..repetitions).map(|_| draw()).collect()
+}
+
+/// How many of so many squeezes at a place are trained on: nine tenths. One at least is left to be judged, where training
+/// has the two that it needs.
+fn trained(squeezes: usize) -> usize {
+    let share = (TRAINED * squeezes as f64).round() as usize;
+    share.min(squeezes.saturating_sub(1).max(2)).min(squeezes)
 }
 
 /// An estimate beside the truth.
@@ -265,6 +272,12 @@ mod tests {
                 (&whole.test, &whole.fusion_test)
             );
         }
+    }
+
+    #[test]
+    fn a_squeeze_at_each_place_is_left_to_be_judged_where_two_are_trained_on() {
+        let all = [1, 2, 3, 4, 5, 10, 60].map(trained);
+        assert_eq!(all, [1, 2, 2, 3, 4, 9, 54]);
     }
 
     #[test]

@@ -5,7 +5,7 @@ use super::judge::{Judgement, chosen, judge_all, train};
 use super::more::More;
 use super::network_args::NetworkArgs;
 use super::report;
-use super::with_touch::WithTouch;
+use super::with_touch::{FUSED_UNSEEN, WithTouch};
 use crate::wrong_use;
 #[cfg(feature = "networks")]
 use anyhow::Context;
@@ -96,6 +96,7 @@ fn paper(
             .context("Ctrl-C came before the first epoch; nothing is judged")?,
         tactile: figures("tactile"),
         fused: figures("fused"),
+        fused_unseen: None,
         chosen: Vec::new(),
         more: None,
     };
@@ -140,6 +141,7 @@ pub(super) fn run(args: &Args) -> anyhow::Result<String> {
             kinesthetic: Figures::of(&outcome, train_s),
             tactile: touch.as_ref().and_then(|touch| figures(&touch.tactile)),
             fused: touch.as_ref().and_then(|touch| figures(&touch.fused)),
+            fused_unseen: touch.as_ref().and_then(|touch| figures(&touch.fused_unseen)),
             chosen: chosen(&trained.estimators),
             more: more
                 .as_ref()
@@ -150,10 +152,14 @@ pub(super) fn run(args: &Args) -> anyhow::Result<String> {
     let mut text = report::procedure(&session, &splits, &trained.estimators);
     text += &report::errors("kinesthetic", &session, &outcome, train_s);
     text += &report::places(&outcome);
-    for (name, (judgement, train_s)) in touch.iter().flat_map(WithTouch::parts) {
+    let unseen = touch.iter().map(|touch| (FUSED_UNSEEN, &touch.fused_unseen));
+    for (name, (judgement, train_s)) in touch.iter().flat_map(WithTouch::parts).chain(unseen) {
         match judgement {
             Ok(outcome) => {
                 text += &report::errors(name, &session, outcome, *train_s);
+                if name == "fused" {
+                    text += report::FUSED;
+                }
                 text += &report::places(outcome);
             }
             Err(none) => text += &format!("\n{name}: refused: all, because {none}\n"),

@@ -14,7 +14,10 @@ pub(super) struct Report {
     pub(super) simulated: bool,
     pub(super) kinesthetic: Figures,
     pub(super) tactile: Option<Figures>,
+    /// On the publication's squeezes: among them are those that its two estimators were trained on.
     pub(super) fused: Option<Figures>,
+    /// Weighed by intervals, on the squeezes that the single estimators are judged on.
+    pub(super) fused_unseen: Option<Figures>,
     /// What the kinesthetic estimators look at, the most frequent first.
     #[serde(skip_serializing_if = "Vec::is_empty")]
     pub(super) chosen: Vec<Chosen>,

@@ -69,7 +69,7 @@ pub(super) fn train<E>(
 struct Part<'a, E> {
     repetition: usize,
     estimator: &'a E,
-    train: &'a [usize],
+    train: Vec<usize>,
     test: &'a [usize],
 }
 
@@ -131,11 +131,12 @@ pub(super) fn judge_all<E: Estimator>(
     change: Change<'_>,
 ) -> Judgement {
     judge_parts(session, splits, estimators, change, |split| {
-        (&split.train, &split.test)
+        (split.train.clone(), &split.test)
     })
 }
 
-/// Judges fused estimators, which learn and are judged at the other places.
+/// Judges fused estimators, which learn and are judged at the other places: what their two estimators were trained on is
+/// among what is judged.
 pub(super) fn judge_fused<E: Estimator>(
     session: &Session,
     splits: &[Split],
@@ -143,7 +144,10 @@ pub(super) fn judge_fused<E: Estimator>(
     change: Change<'_>,
 ) -> Judgement {
     judge_parts(session, splits, estimators, change, |split| {
-        (&split.fusion_train, &split.fusion_test)
+        (
+            [&split.train[..], &split.fusion_train].concat(),
+            &split.fusion_test,
+        )
     })
 }
 
@@ -152,7 +156,7 @@ fn judge_parts<E: Estimator>(
     splits: &[Split],
     estimators: &[E],
     change: Change<'_>,
-    of: fn(&Split) -> (&Vec<usize>, &Vec<usize>),
+    of: fn(&Split) -> (Vec<usize>, &Vec<usize>),
 ) -> Judgement {
     let mut parts = Vec::new();
     for (repetition, (split, estimator)) in splits.iter().zip(estimators).enumerate() {
@@ -187,7 +191,7 @@ pub(super) fn leave_places_out<E: Estimator>(
         all.push(Part {
             repetition: 0,
             estimator,
-            train,
+            train: train.clone(),
             test,
         });
     }

@@ -110,8 +110,8 @@ struct EstimateArgs {
 
 /// A squeeze that ends before this phase was broken off: a random profile of PWM need not come back to 2.
 const WHOLE: f64 = 1.9;
-/// What ends before this phase, about a fifth of a squeeze's time, says too little to be told for a squeeze of a file.
-const LEAST: f64 = 0.2;
+/// What ends before this phase, at less than a fifth of a squeeze's time, says too little to be told for a squeeze of a file.
+const LEAST: f64 = 0.15;
 
 /// A line of `estimate --json`.
 #[derive(Debug, Serialize)]
@@ -125,7 +125,8 @@ struct Line {
     location_percent: f64,
     half_width_90: f64,
     source: String,
-    /// Angles that it was made without, since they are lost, stuck or jump.
+    /// What it was made without: angles that are lost, stuck or jump, touch that is unlike that of the training, and the less
+    /// sure of both where they contradict each other.
     left_out: Vec<&'static str>,
     /// How far the squeeze came: 1 is its peak, 2 its end.
     phase: f64,
@@ -286,7 +287,7 @@ fn says_enough(estimate: &Estimate, samples: usize) -> anyhow::Result<()> {
     );
     anyhow::ensure!(
         estimate.phase >= LEAST,
-        "the squeeze breaks off at phase {:.2} of 2, and what ends before {LEAST} says too little; squeeze again",
+        "the squeeze breaks off at phase {:.3} of 2, and what ends before {LEAST} says too little; squeeze again",
         estimate.phase
     );
     Ok(())
@@ -324,7 +325,7 @@ fn line(
         if !left_out.is_empty() {
             write!(
                 text,
-                "; without {}: lost, stuck, or jumps",
+                "; without {}: lost, stuck, jumps, or contradicted",
                 left_out.join(" and ")
             )?;
         }

@@ -7,10 +7,16 @@ use taxel_forearm::{Disturbance, Fused, Fusion, Kinesthetic, Session, Split, Squ
 /// Gains of an array, in multiples of that of the training.
 const GAINS: [f64; 6] = [0.6, 0.8, 0.9, 1.1, 1.2, 1.5];
 
+/// What people are told that [`WithTouch::fused_unseen`] is.
+pub(super) const FUSED_UNSEEN: &str = "fused by intervals, of squeezes that nothing was trained on";
+
 /// What became of the estimators that need touch, and how long their training took, s.
 pub(super) struct WithTouch {
     pub(super) tactile: (Judgement, f64),
     pub(super) fused: (Judgement, f64),
+    /// The same two estimators weighed by their intervals and judged as each of them is, on squeezes that nothing of it was
+    /// trained on.
+    pub(super) fused_unseen: (Judgement, f64),
     /// Both senses together where the array has another gain.
     pub(super) gains: Vec<(String, Judgement)>,
 }
@@ -39,6 +45,12 @@ impl WithTouch {
             });
         }
         let took = began.elapsed();
+        let by_intervals: Vec<Fused> = (fused.iter().cloned())
+            .map(|of| Fused {
+                fusion: Fusion::by_intervals(),
+                ..of
+            })
+            .collect();
         let mut gains = Vec::new();
         for gain in GAINS.into_iter().filter(|_| with_gains) {
             let change = |squeeze: &Squeeze, seed| Disturbance::Gain(gain).apply(squeeze, seed);
@@ -48,6 +60,7 @@ impl WithTouch {
         Ok(Self {
             tactile: (judgement, tactile.took.as_secs_f64()),
             fused: (judge_fused(session, splits, &fused, None), took.as_secs_f64()),
+            fused_unseen: (judge_all(session, splits, &by_intervals, None), 0.0),
             gains,
         })
     }

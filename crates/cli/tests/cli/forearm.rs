@@ -178,6 +178,24 @@ fn a_gripper_without_potentiometers_is_trained_on_and_what_cannot_be_estimated_h
 }
 
 #[test]
+fn a_model_of_another_gripper_estimates_none_of_the_public_squeezes() {
+    let Some(public) = taxel_recordings::find("forearm_kinesthetic.npz") else {
+        return;
+    };
+    let dir = TempDir::new().unwrap();
+    let simulate = ["forearm", "simulate", "--out", "own.npz", "--repetitions", "5"];
+    succeeds(&dir, &simulate);
+    succeeds(&dir, &["forearm", "train", "own.npz", "--out", "own.model"]);
+    let args = ["forearm", "estimate", "own.model", public.to_str().unwrap()];
+    let (out, err) = texts(&taxel(&dir, &args));
+    assert_eq!(out, "");
+    let refused = err.lines().filter(|line| line.contains("is it the same gripper"));
+    assert!(refused.count() > 700, "{err}");
+    let (out, _) = succeeds(&dir, &["forearm", "estimate", "own.model", "own.npz"]);
+    assert_eq!(out.lines().count(), 65);
+}
+
+#[test]
 fn the_protocol_is_one_object_with_what_there_is() {
     let dir = TempDir::new().unwrap();
     succeeds(
@@ -239,7 +257,21 @@ fn the_protocol_is_one_object_with_what_there_is() {
     let (brief, _) = succeeds(&dir, &brief);
     let brief: Value = serde_json::from_str(&brief).unwrap();
     assert!(brief["kinesthetic"]["places"].is_array() && brief["disturbed"].is_null());
-    for source in ["kinesthetic", "tactile", "fused"] {
+    // Three squeezes a place: two are trained on. What fuses was trained on some of every place that it is judged at.
+    for (source, at_new) in [
+        ("kinesthetic", true),
+        ("tactile", true),
+        ("fused", false),
+        ("fused_unseen", true),
+    ] {
+        assert!(report[source]["coverage_90_trained"].is_f64(), "{source}: {out}");
+        assert_eq!(
+            report[source]["coverage_90_new"].is_f64(),
+            at_new,
+            "{source}: {out}"
+        );
+    }
+    for source in ["kinesthetic", "tactile", "fused", "fused_unseen"] {
         for key in [
             "macro_rmse",
             "macro_mae",
