@@ -5,6 +5,7 @@ mod disturbed;
 mod eval;
 mod eval_json;
 mod figures;
+mod fingers;
 mod judge;
 mod live;
 mod more;
@@ -41,7 +42,8 @@ Examples:
   taxel forearm estimate arm.model session.npz     or .mat files of single squeezes
   taxel forearm estimate --live arm.model --publish /tmp/forearm.sock
   taxel forearm eval session.npz
-  taxel forearm figures session.npz --out figures")]
+  taxel forearm figures session.npz --out figures
+  taxel forearm fingers session.npz > fingers.csv")]
 pub(crate) struct Args {
     #[command(subcommand)]
     command: Command,
@@ -55,6 +57,7 @@ enum Command {
     Estimate(EstimateArgs),
     Eval(eval::Args),
     Figures(figures::Args),
+    Fingers(fingers::Args),
 }
 
 /// Train an estimator on every squeeze of a session, and keep it in a file.
@@ -140,6 +143,7 @@ pub(crate) fn run(args: &Args) -> anyhow::Result<()> {
         Command::Estimate(args) => return estimate(args),
         Command::Eval(args) => eval::run(args)?,
         Command::Figures(args) => figures::run(args)?,
+        Command::Fingers(args) => fingers::run(args)?,
     };
     let mut out = io::stdout().lock();
     out.write_all(text.as_bytes())

@@ -3,7 +3,7 @@
 use crate::{fails, succeeds, taxel, texts};
 use serde_json::{Value, json};
 use std::fs;
-use taxel_forearm::{Session, Squeeze};
+use taxel_forearm::{Sample, Session, Squeeze};
 use tempfile::TempDir;
 
 #[test]
@@ -105,26 +105,30 @@ fn a_gripper_without_potentiometers_is_trained_on_and_what_cannot_be_estimated_h
             && out.contains("without theta_p of finger 0 and theta_p of finger 1: no squeeze has it"),
         "{out}"
     );
-    let (_, said) = succeeds(
-        &dir,
-        &[
-            "forearm",
-            "record",
-            "session",
-            "--repetitions",
-            "2",
-            "--npz",
-            "kept.npz",
-        ],
+    let keep = [
+        "forearm",
+        "record",
+        "session",
+        "--repetitions",
+        "2",
+        "--npz",
+        "kept.npz",
+    ];
+    // Not all touch of the session is lost for the one that has none.
+    let error = fails(&dir, &keep, 1);
+    assert!(
+        error.contains("squeeze 1 at 0.0 %: it has no tactile images, and others have"),
+        "{error}"
     );
+    let touch = session.trials[0].squeeze.to_npy().unwrap();
+    fs::write(file(0, 1).with_file_name("tactile0_1.npy"), touch).unwrap();
+    let (_, said) = succeeds(&dir, &keep);
     assert!(
         said.contains("nothing moves") && said.contains("all squeezes of session are in kept.npz"),
         "{said}"
     );
-    assert_eq!(
-        Session::open(&dir.path().join("kept.npz")).unwrap().trials.len(),
-        26
-    );
+    let kept = Session::open(&dir.path().join("kept.npz")).unwrap();
+    assert!(kept.trials.len() == 26 && kept.has_touch());
     // One that is torn, one whose PWM never rises, two that are broken off: one says something, the other too little.
     let whole = Session::open(&dir.path().join("session")).unwrap().trials[0]
         .squeeze
@@ -193,6 +197,55 @@ fn a_model_of_another_gripper_estimates_none_of_the_public_squeezes() {
     assert!(refused.count() > 700, "{err}");
     let (out, _) = succeeds(&dir, &["forearm", "estimate", "own.model", "own.npz"]);
     assert_eq!(out.lines().count(), 65);
+}
+
+#[test]
+fn the_angle_that_no_sensor_reads_is_printed_by_finger_and_sample() {
+    let dir = TempDir::new().unwrap();
+    let mut squeeze = Squeeze::default();
+    for (row, theta_a) in [20.0, 40.0, f64::NAN].into_iter().enumerate() {
+        squeeze.push(Sample {
+            time_ms: 120.0 * row as f64,
+            theta_p_deg: [42.0, 50.0],
+            theta_a_deg: [theta_a; 2],
+            pwm: 0.0,
+        });
+    }
+    let folder = dir.path().join("session/3");
+    fs::create_dir_all(&folder).unwrap();
+    fs::write(folder.join("distance3_2.mat"), squeeze.to_mat()).unwrap();
+    let (out, _) = succeeds(&dir, &["forearm", "fingers", "session"]);
+    let lines: Vec<Vec<&str>> = out.lines().map(|line| line.split(',').collect()).collect();
+    assert_eq!(lines.len(), 1 + 3 * 2, "{out}");
+    assert!(lines.iter().all(|line| line.len() == lines[0].len()), "{out}");
+    let number = |line: usize, name: &str| {
+        let column = lines[0].iter().position(|of| *of == name).unwrap();
+        lines[line][column].parse::<f64>().ok()
+    };
+    assert_eq!(lines[3][..4], ["25.0", "2", "120", "0"]);
+    // By the page's formula.
+    let theta_u = |theta_a: f64, theta_p: f64| {
+        let (a, p) = (theta_a.to_radians(), theta_p.to_radians());
+        let (gamma, psi) = (56f64.to_radians(), 90f64.to_radians());
+        let crank = [
+            27.8 * gamma.cos() + 25.0 * a.cos(),
+            -27.8 * gamma.sin() + 25.0 * a.sin(),
+        ];
+        let arm = [40.0 + 20.0 * (p - psi).cos(), 20.0 * (p - psi).sin()];
+        let (f, h) = (crank[0].hypot(crank[1]), arm[0].hypot(arm[1]));
+        let between = ((f * f + h * h - 3600.0) / (2.0 * f * h)).acos();
+        (crank[1].atan2(crank[0]) - arm[1].atan2(arm[0]) + between).to_degrees()
+    };
+    for (line, theta_a) in [(1, 20.0), (3, 40.0)] {
+        let told = number(line, "theta_u_deg").unwrap();
+        assert!((told - theta_u(theta_a, 42.0)).abs() < 1e-3, "{told}: {out}");
+        let slope = (theta_u(theta_a + 0.5, 42.0) - theta_u(theta_a - 0.5, 42.0)) / 1.0;
+        assert!(
+            (number(line, "du_da").unwrap() - slope).abs() < 1e-3,
+            "{slope}: {out}"
+        );
+    }
+    assert_eq!(number(5, "theta_u_deg"), None, "an angle that is unknown");
 }
 
 #[test]
