@@ -6,10 +6,9 @@ use std::fs::{File, OpenOptions, TryLockError};
 use std::io::{self, Read};
 use std::path::{Path, PathBuf};
 
-/// Numbers from here on are no files of a recording: one a second does not come so far in 30,000 years.
-const MOST_NUMBERS: u64 = 1_000_000_000_000;
-/// Numbers that are tried at most for a file, where all before have been taken meanwhile.
-const MOST_TRIED: u64 = 1_000_000;
+/// Numbers from here on are no files of a recording: people call files by a date, as 20261126, or by seconds. One a minute
+/// comes so far in 19 years.
+const MOST_NUMBERS: u64 = 10_000_000;
 
 /// The files of one recording.
 #[derive(Debug)]
@@ -103,8 +102,13 @@ impl Series {
         {
             number = number.max(greatest + 1);
         }
-        let first = number;
         loop {
+            if number >= MOST_NUMBERS {
+                let source =
+                    io::Error::other("its numbers are used up; take another name, or move its files away");
+                let path = numbered_file(&self.path, number);
+                return Err(StoreError::Create { path, source });
+            }
             let path = match self.is_numbered {
                 true => numbered_file(&self.path, number),
                 false => self.path.clone(),
@@ -112,10 +116,7 @@ impl Series {
             match OpenOptions::new().append(true).create_new(true).open(&path) {
                 Ok(file) => return Ok((number + u64::from(self.is_numbered), path, file)),
                 // Somebody else's, made meanwhile, or of another kind.
-                Err(error)
-                    if error.kind() == io::ErrorKind::AlreadyExists
-                        && self.is_numbered
-                        && number - first < MOST_TRIED => {}
+                Err(error) if error.kind() == io::ErrorKind::AlreadyExists && self.is_numbered => {}
                 Err(source) => return Err(StoreError::Create { path, source }),
             }
             number += 1;

@@ -478,17 +478,25 @@ fn what_is_of_another_configuration_is_in_another_file_with_that_at_its_beginnin
 }
 
 #[test]
-fn files_beyond_the_millionth_are_of_the_ring_too() {
+fn files_beyond_the_millionth_are_of_the_ring_too_and_those_with_a_date_are_not() {
     let folder = tempfile::tempdir().unwrap();
-    for number in ["999998", "99999999999999"] {
+    for number in ["999998", "20261125", "1764131234"] {
         std::fs::write(folder.path().join(format!("day-{number}.mcap")), mcap::MAGIC).unwrap();
     }
-    // A number that no recorder reaches, such as a time, is somebody else's.
+    let dated = ["day-1764131234.mcap", "day-20261125.mcap"];
     run(folder.path(), 2, 4);
-    let ring = ["day-1000001.mcap", "day-1000002.mcap", "day-99999999999999.mcap"];
-    assert_eq!(there(folder.path()), ring);
+    let ring = ["day-1000001.mcap", "day-1000002.mcap"];
+    assert_eq!(there(folder.path()), [ring, dated].concat());
     run(folder.path(), 2, 1);
-    let ring = ["day-1000002.mcap", "day-1000003.mcap", "day-99999999999999.mcap"];
-    assert_eq!(there(folder.path()), ring);
+    let ring = ["day-1000002.mcap", "day-1000003.mcap"];
+    assert_eq!(there(folder.path()), [ring, dated].concat());
     assert_eq!(taxel_recorder::parts(&folder.path().join("day.mcap")).len(), 2);
+
+    std::fs::write(folder.path().join("day-9999999.mcap"), mcap::MAGIC).unwrap();
+    let mut store = day(folder.path(), 2);
+    let error = store.take(entry(Topic::Events, 0, "")).unwrap_err().to_string();
+    assert!(
+        error.contains("day-10000000.mcap: its numbers are used up"),
+        "{error}"
+    );
 }
