@@ -6,8 +6,8 @@ use crate::names::{is_of_board, modules_name};
 use crate::problem::{Place, Problem};
 use crate::view::Look;
 
-/// How many of a board that is read otherwise are worth a sentence, within the time looked at, and as which share (one in
-/// so many) of these and its readings.
+/// How many of a board are worth a sentence, within the time looked at, and as which share (one in so many) of these and its
+/// readings. It is over where they are less than half as many.
 const FRAMES: u64 = 3;
 const SHARE: u64 = 5;
 
@@ -50,7 +50,7 @@ fn unread(look: &Look<'_>, modules: &[usize], had: impl Fn(Place) -> bool) -> Op
     }
     let bus = Place::Bus(layout.wiring[modules[0]].bus.into());
     let least = match had(place_of_board(layout, modules[0])) || had(bus) {
-        true => 1,
+        true => all.div_ceil(2 * SHARE).max(1),
         false => FRAMES.max(all.div_ceil(SHARE)),
     };
     (malformed >= least).then_some(malformed)

@@ -233,6 +233,12 @@ fn a_board_whose_frames_cannot_be_read_is_told_so_and_not_as_silent() {
             && said.contains("`taxel doctor --scan can:can0`"),
         "{said}"
     );
+    // A few that are damaged from then on, of a board that is read, are no reason to go on with it.
+    bench.pass(2000, |s| {
+        unread(s, 3, 2, BoardState::Streaming);
+        s.boards[3].used += 78;
+    });
+    assert!(sentence(bench.said.last().unwrap()).contains("its frames can be read"));
 }
 
 /// A board sends frames that cannot be read.
