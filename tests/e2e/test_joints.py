@@ -189,14 +189,14 @@ def test_what_is_wrong_with_a_servo_is_a_problem_in_words_and_is_over_when_it_is
         daemon.report(1)
         # (On a busy machine another one may be late too.)
         own = lambda: [p for p in daemon.status()["problems"] if p["joint"] == "joint 5"]  # noqa: E731
-        assert {p["kind"] for p in own()} == {kind}
+        eventually(lambda: {p["kind"] for p in own()} == {kind}, lambda: f"not that alone: {own()}")
         others_go_on(daemon, watch, but=5, unknown=None)
         doctor = subprocess.run(
             [binary("taxel"), "doctor", "--json", "--config", daemon.config], capture_output=True, text=True, timeout=60
         )
         # What the daemon tells, the doctor tells once, in the same words; its numbers are those of another moment.
         (found,) = [c for c in json.loads(doctor.stdout)["checks"] if "joint 5" in c["object"] + c["found"]]
-        (now,) = own()
+        now = eventually(lambda: own()[:1], "it is not told any more")[0]
         but_numbers = lambda sentence: re.sub(r"\d+(\.\d+)?", "N", sentence)
         assert (found["name"], found["object"], but_numbers(found["found"])) == (kind, "joint 5", but_numbers(now["sentence"]))
         assert found["state"] == ("error" if severe else "warning")

@@ -1,5 +1,6 @@
 """Start, stop, configuration, and a bus that says nothing."""
 
+import os
 import shutil
 import signal
 import subprocess
@@ -117,6 +118,7 @@ def test_a_daemon_that_ends_leaves_the_sockets_of_one_alone_that_came_into_its_f
     with Daemon(folder / "first", buses.sources, socket=sockets) as first:
         # It does not look before it goes on, and then it is too late.
         first.process.send_signal(signal.SIGSTOP)
+        os.waitid(os.P_PID, first.process.pid, os.WSTOPPED)
         shutil.rmtree(at)
         with Daemon(folder / "second", buses.sources, socket=sockets) as second:
             first.process.send_signal(signal.SIGCONT)
