@@ -224,12 +224,13 @@ mod tests {
     }
 
     /// Commands without `--json`, and why.
-    const WITHOUT_JSON: [(&str, &str); 5] = [
+    const WITHOUT_JSON: [(&str, &str); 6] = [
         ("demo", "a picture"),
         ("view", "a picture; `taxel watch --json` has what it shows"),
         ("completions", "prints a script"),
         ("config init", "prints a file"),
         ("forearm record", "prints an object for each squeeze in any case"),
+        ("forearm fingers", "prints a table as CSV"),
     ];
 
     #[test]

@@ -35,7 +35,7 @@ pub(crate) struct OfflineArgs {
     /// Actuators of the display, K_A [default: 16, or the configuration's]
     #[arg(long, value_name = "K_A", value_parser = clap::value_parser!(u16).range(1..=1024))]
     actuators: Option<u16>,
-    /// The daemon's configuration, for everything else; it needs no [[bus]] here; - for stdin
+    /// The daemon's configuration, for everything else; it needs no `[[bus]]` here; - for stdin
     #[arg(long, value_name = "FILE", value_parser = text_parser())]
     config: Option<PathBuf>,
     /// Magnitudes only: a taxel is in contact above this [default: 0]

@@ -103,7 +103,7 @@ impl Head {
                 );
                 return Ok(None);
             }
-            parsed => parsed?,
+            parsed => parsed.map_err(|error| anyhow::anyhow!("{error:#}; --config gives another"))?,
         };
         let (Some(hand), Some(hello)) = (config.as_ref().map(|config| &config.layout), &self.hello) else {
             return Ok(config);

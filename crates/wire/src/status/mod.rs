@@ -343,7 +343,7 @@ report! {
         silent_ms: Option<u64>,
     }
 
-    /// One taxel out of use.
+    /// One taxel out of use, or in use and at an end of its range.
     TaxelStatus {
         /// Its index.
         taxel: usize,
