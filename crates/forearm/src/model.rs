@@ -27,6 +27,13 @@ struct Header {
     trained_on: TrainedOn,
 }
 
+/// What the first line of a model file of any version has.
+#[derive(Debug, Deserialize)]
+struct Which {
+    kind: String,
+    version: u32,
+}
+
 #[derive(Debug, PartialEq, Serialize, Deserialize)]
 struct Units {
     angles: String,
@@ -138,17 +145,19 @@ impl Model {
         let (first, rest) = text
             .split_once('\n')
             .ok_or_else(|| not("it has one line, and three are needed"))?;
-        let header: Header = serde_json::from_str(first).map_err(|e| not(&format!("its first line: {e}")))?;
-        if header.kind != KIND {
-            return Err(not(&format!("it says that it is a {:?}", header.kind)));
+        let not_read = |e| not(&format!("its first line: {e}"));
+        let which: Which = serde_json::from_str(first).map_err(not_read)?;
+        if which.kind != KIND {
+            return Err(not(&format!("it says that it is a {:?}", which.kind)));
         }
-        if header.version != VERSION {
+        if which.version != VERSION {
             let what = format!(
                 "it is of version {}, and {VERSION} is read; train it again",
-                header.version
+                which.version
             );
             return Err(not(&what));
         }
+        let header: Header = serde_json::from_str(first).map_err(not_read)?;
         let (model, last) = rest.split_once('\n').unwrap_or((rest, ""));
         let summed = &text[..text.len() - last.len()];
         let footer = serde_json::from_str(last).ok();
@@ -244,6 +253,16 @@ mod tests {
         let error = Model::from_bytes(text.as_bytes()).unwrap_err().to_string();
         assert!(
             error.contains(r#"its units are {"angles":"radians","pwm":"of 885","#),
+            "{error}"
+        );
+    }
+
+    #[test]
+    fn a_model_of_another_version_may_have_other_keys() {
+        let text = format!("{{\"kind\":\"{KIND}\",\"version\":3,\"of\":\"then\"}}\n{{}}\n{{}}\n");
+        let error = Model::from_bytes(text.as_bytes()).unwrap_err().to_string();
+        assert!(
+            error.contains("of version 3, and 5 is read; train it again"),
             "{error}"
         );
     }
