@@ -1,5 +1,8 @@
-//! `taxel doctor` as a user runs it: against simulated boards over UDP and simulated servos on a
-//! pseudo terminal.
+//! `taxel doctor` as a user runs it: what it says of a hand, against simulated boards over UDP and simulated servos on a
+//! pseudo terminal, and where a daemon has the hand.
+
+mod recordings;
+mod scan;
 
 use serde_json::Value;
 use std::net::UdpSocket;
@@ -96,6 +99,12 @@ fn hand(dir: &TempDir, scene: &str, extra: &[&str], buses: usize) -> (Hand, Vec<
     }
     let child = command.args(extra).stderr(Stdio::null()).spawn().unwrap();
     (Hand(child), sources)
+}
+
+/// Runs `taxel sim` to its end: a scene into a log.
+fn recorded(dir: &TempDir, sim: &str) {
+    let made = taxel(dir, &["sim"]).args(sim.split(' ')).output().unwrap();
+    assert!(made.status.success(), "{}", said(&made));
 }
 
 /// A configuration in which no daemon of this machine is found.
@@ -195,158 +204,6 @@ fn a_bus_on_which_others_speak_is_only_listened_to() {
         let left_alone = of("start").is_some_and(|c| c["state"] == "skipped") && of("firmware").is_none();
         (heard && left_alone).then_some(()).ok_or(format!("{checks:?}"))
     });
-}
-
-#[test]
-fn a_recording_is_examined_in_its_own_time() {
-    let dir = TempDir::new().unwrap();
-    let sim = [
-        "sim",
-        "idle",
-        "--layout",
-        "uskin-module",
-        "--to",
-        "log:idle.log",
-        "--seconds",
-        "30",
-    ];
-    assert!(
-        taxel(&dir, &sim)
-            .stderr(Stdio::null())
-            .status()
-            .unwrap()
-            .success()
-    );
-    let (_, checks) = doctor(&dir, &["--layout", "uskin-module", "log:idle.log"]);
-    let of = |name: &str| {
-        checks
-            .iter()
-            .find(|c| c["name"] == name && c["area"] == "hand")
-            .unwrap()
-    };
-    assert_eq!(of("board")["found"], "50.0 Hz");
-    assert_eq!(of("taxels")["found"], "16 healthy");
-}
-
-#[test]
-fn of_a_recording_of_two_buses_the_one_of_the_hands_bus_is_examined() {
-    let dir = TempDir::new().unwrap();
-    let sim = [
-        "sim",
-        "idle",
-        "--layout",
-        "uskin-module",
-        "--to",
-        "log:idle.log",
-        "--seconds",
-        "4",
-    ];
-    let made = taxel(&dir, &sim).output().unwrap();
-    assert!(made.status.success(), "{}", said(&made));
-    let log = std::fs::read_to_string(dir.path().join("idle.log")).unwrap();
-    let twice = |names: [&str; 2]| -> String {
-        let lines = log
-            .lines()
-            .flat_map(|line| names.map(|name| line.replace(" can0 ", name) + "\n"));
-        lines.collect()
-    };
-    std::fs::write(dir.path().join("two.log"), twice([" can0 ", " can1 "])).unwrap();
-    let (_, checks) = doctor(&dir, &["--layout", "uskin-module", "log:two.log"]);
-    let of = |name: &str| {
-        checks
-            .iter()
-            .find(|c| c["name"] == name && c["area"] == "hand")
-            .unwrap()
-    };
-    assert_eq!(of("board")["found"], "50.0 Hz");
-    let left_out = of("source")["found"].as_str().unwrap();
-    assert!(
-        left_out.contains("frames of can1") && left_out.contains("log:two.log?interface=can1"),
-        "{left_out}"
-    );
-
-    std::fs::write(dir.path().join("named.log"), twice([" slcan0 ", " slcan1 "])).unwrap();
-    let (code, checks) = doctor(&dir, &["--layout", "uskin-module", "log:named.log"]);
-    let told = bad(&checks, "source");
-    let [[_, "error", refused, _]] = told[..] else {
-        panic!("{checks:?}");
-    };
-    assert!(refused.contains("log:named.log?interface=slcan0"), "{refused}");
-    assert_eq!(code, Some(1));
-}
-
-#[test]
-fn contacts_of_drift_in_a_recording_are_told() {
-    let dir = TempDir::new().unwrap();
-    let scene = r#"
-        name = "drift"
-        layout = "uskin-module"
-        seconds = 220.0
-        [boards]
-        rate_hz = 10
-        [[fault]]
-        kind = "drift"
-        on = ["all"]
-        counts_per_s = 3.0
-        from = 3.0
-    "#;
-    std::fs::write(dir.path().join("drift.toml"), scene).unwrap();
-    let made = taxel(&dir, &["sim", "drift.toml", "--to", "log:drift.log"])
-        .output()
-        .unwrap();
-    assert!(made.status.success(), "{}", said(&made));
-    let (code, checks) = doctor(&dir, &["--layout", "uskin-module", "log:drift.log"]);
-    let told = bad(&checks, "contact-unchanging");
-    let [[_, "warning", found, mend]] = told[..] else {
-        panic!("{checks:?}");
-    };
-    assert!(found.contains("of 16"), "{found}");
-    assert!(mend.contains("taxel rezero"), "{mend}");
-    assert_eq!(code, Some(0));
-}
-
-#[test]
-fn one_recording_or_scene_is_all_buses_of_its_hand() {
-    let dir = TempDir::new().unwrap();
-    let sim = ["sim", "idle", "--to", "log:idle.log", "--seconds", "3"];
-    assert!(
-        taxel(&dir, &sim)
-            .stderr(Stdio::null())
-            .status()
-            .unwrap()
-            .success()
-    );
-    let log = std::fs::read_to_string(dir.path().join("idle.log")).unwrap();
-    std::fs::write(dir.path().join("renamed.log"), log.replace(" can", " vcan")).unwrap();
-    for sources in [
-        &["log:idle.log"][..],
-        &["log:idle.log", "log:idle.log"],
-        &["sim:idle"],
-        &[
-            "log:renamed.log?interface=vcan0",
-            "log:renamed.log?interface=vcan1",
-        ],
-    ] {
-        let (_, checks) = doctor(&dir, sources);
-        let heard = checks
-            .iter()
-            .filter(|c| c["name"] == "board" && c["state"] == "ok");
-        assert_eq!(heard.count(), 15, "{sources:?}: {checks:?}");
-    }
-    for (sources, words) in [
-        (
-            &["log:renamed.log"][..],
-            "such as log:renamed.log?interface=vcan0 log:renamed.log?interface=vcan1",
-        ),
-        (
-            &["log:idle.log", "log:idle.log?interface=can0"],
-            "log:idle.log?interface=can0 is given twice",
-        ),
-    ] {
-        let output = taxel(&dir, &["doctor"]).args(sources).output().unwrap();
-        assert_eq!(output.status.code(), Some(1), "{sources:?}");
-        assert!(said(&output).contains(words), "{sources:?}: {}", said(&output));
-    }
 }
 
 #[test]
@@ -481,100 +338,4 @@ fn wrong_usage_is_told_at_once() {
         assert_eq!(output.status.code(), Some(code), "{args:?}");
         assert!(said(&output).contains(words), "{args:?}: {}", said(&output));
     }
-}
-
-#[test]
-fn a_scan_of_a_recording_proposes_a_layout_that_the_daemon_takes() {
-    let dir = TempDir::new().unwrap();
-    let sim = ["sim", "ball-grasp", "--to", "log:grasp.log", "--seconds", "2"];
-    assert!(
-        taxel(&dir, &sim)
-            .stderr(Stdio::null())
-            .status()
-            .unwrap()
-            .success()
-    );
-    let output = taxel(
-        &dir,
-        &["doctor", "--scan", "log:grasp.log", "--out", "found.toml"],
-    )
-    .output()
-    .unwrap();
-    let text = said(&output);
-    assert!(output.status.success(), "{text}");
-    assert!(
-        text.contains("8 boards of uskin-l2") && text.contains("7 boards of uskin-l2"),
-        "{text}"
-    );
-    assert!(text.contains("built-in hand allegro-uskin-15"), "{text}");
-    let sources =
-        ["can0", "can1"].map(|bus| format!("log:{}/grasp.log?interface={bus}", dir.path().display()));
-    configure(&dir, "found.toml", &sources, "");
-    let config = taxeld::Config::load(&dir.path().join("hand.toml")).unwrap();
-    assert_eq!((config.layout.modules.len(), config.layout.len()), (15, 240));
-    let (_, checks) = doctor(&dir, &["--config", "hand.toml"]);
-    assert!(
-        [
-            "board",
-            "board-unheard",
-            "board-silent",
-            "bus-silent",
-            "unknown ids"
-        ]
-        .iter()
-        .all(|name| bad(&checks, name).is_empty()),
-        "{checks:?}"
-    );
-}
-
-#[test]
-fn a_scan_starts_silent_boards_only_where_it_is_told_to() {
-    let dir = TempDir::new().unwrap();
-    let (_hand, sources) = hand(&dir, "idle", &["--layout", "uskin-module"], 1);
-    let scan = |more: &[&str]| {
-        let mut command = taxel(
-            &dir,
-            &["doctor", "--scan", "--json", "--seconds", "1", &sources[0]],
-        );
-        let output = command.args(more).output().unwrap();
-        let found: Value =
-            serde_json::from_slice(&output.stdout).unwrap_or_else(|e| panic!("{e}: {}", said(&output)));
-        (output.status.code(), found)
-    };
-    let (code, silent) = scan(&[]);
-    assert_eq!((code, &silent["layout"]), (Some(1), &Value::Null));
-    let found = eventually(|| {
-        let (code, found) = scan(&["--start"]);
-        let board = &found["buses"][0]["boards"][0];
-        let whole = board["taxels"].as_array().is_some_and(|t| t.len() == 16);
-        let is_it = (&board["protocol"], &board["board"]) == (&"uskin-l1".into(), &1.into());
-        (code == Some(0) && whole && is_it)
-            .then_some(found.clone())
-            .ok_or(found.to_string())
-    });
-    let text = found["layout"].as_str().unwrap();
-    assert_eq!(taxel_skin::Layout::parse(text, "found.toml").unwrap().len(), 16);
-}
-
-#[test]
-fn a_scan_that_starts_boards_configures_those_of_an_icub_which_have_to_be() {
-    let dir = TempDir::new().unwrap();
-    let (_hand, sources) = hand(&dir, "idle", &["--layout", "icub-forearm"], 1);
-    let wanted = taxel_skin::Layout::builtin("icub-forearm").unwrap();
-    let found = eventually(|| {
-        let mut command = taxel(&dir, &["doctor", "--scan", "--start", "--json", "--seconds", "1"]);
-        let output = command.arg(&sources[0]).output().unwrap();
-        let found: Value =
-            serde_json::from_slice(&output.stdout).unwrap_or_else(|e| panic!("{e}: {}", said(&output)));
-        let is_whole = found["layout"]
-            .as_str()
-            .is_some_and(|text| taxel_skin::Layout::parse(text, "found.toml").unwrap().len() == wanted.len());
-        is_whole.then_some(found.clone()).ok_or(found.to_string())
-    });
-    let boards = found["buses"][0]["boards"].as_array().unwrap();
-    assert_eq!(boards.len(), wanted.wiring.len());
-    assert!(
-        boards.iter().all(|board| board["protocol"] == "icub-mtb3"),
-        "{boards:?}"
-    );
 }
