@@ -1,56 +1,37 @@
 //! Where a gripper holds, from the angles of its fingers.
 
+mod angles;
+mod training;
+
+use self::angles::{
+    LEAST_MOVED, MOTORS, READINGS, STUCK_DEG, angle, as_read, columns_of, covers, range, without,
+};
+use self::training::Training;
 use crate::domain::Domain;
 use crate::error::ForearmError;
 use crate::estimate::{ANGLES, Estimate, Estimator, LeftOut, Source};
-use crate::glitch::without_glitches;
 use crate::phase::{Course, PHASES};
-use crate::profile::{Profile, WHOLE, places, within};
-use crate::regression::{Regression, Rows, Tried, try_all};
+use crate::profile::{Profile, WHOLE};
+use crate::regression::{Regression, Tried, try_all};
 use crate::session::Trial;
 use crate::squeeze::Squeeze;
 use crate::stillness::Stillness;
 use serde::{Deserialize, Serialize};
 use std::borrow::Cow;
 
-/// Which angles are there: all, one lost, both potentiometers lost, one finger lost. The two fingers' angles are added up:
-/// the sum does not change where the arm lies nearer to one of them.
-const READINGS: [[bool; 4]; 8] = [
-    [true, true, true, true],
-    [false, true, true, true],
-    [true, false, true, true],
-    [true, true, false, true],
-    [true, true, true, false],
-    [false, false, true, true],
-    [false, true, false, true],
-    [true, false, true, false],
-];
 /// An angle this far beyond those of the training squeezes is none of the gripper's, degrees.
 const BEYOND_DEG: f64 = 10.0;
-/// So far beyond those of the other training squeezes. Where these are few, a sound one of the public squeezes is beyond by
-/// up to 19.6; a potentiometer in radians is by more.
-const BEYOND_OTHERS_DEG: f64 = 20.0;
-/// An angle that moves by no more than this until the peak is stuck, degrees: less than a step of either sensor.
-const STUCK_DEG: f64 = 0.05;
-/// Of what a motor's angle goes through in all squeezes, it moves by this much in each. The least is 0.23 in the public
-/// data and 0.15 in the simulation; in radians it is 0.02 at most.
-const LEAST_MOVED: f64 = 0.05;
 /// Half of the steps from sample to sample are this share of what an angle goes through in all squeezes, or less: more
 /// is a wire that hangs free. Sound potentiometers make steps of 0 to 0.01.
 const JUMPS: f64 = 0.1;
 /// Steps that it takes to see that.
 const STEPS: usize = 8;
-/// In some squeeze of a training a motor closes by at least this, degrees: in radians it would be half a turn. A
-/// potentiometer, which may hardly move, comes at least so far from 0.
-const LEAST_CLOSED_DEG: f64 = 3.0;
 /// So many samples in a row an angle may be missing: a machine that was busy with something else. With one more it is lost,
 /// in a squeeze that goes on, and `taxel forearm record` ends the squeeze.
 pub const MOST_UNKNOWN: usize = 8;
 /// An angle that was one of the gripper's, and then stands still within this where none is, degrees, has lost its wire: its
 /// converter is at an end, to a count.
 const OFF_DEG: f64 = 0.5;
-/// The motors' angles among the four.
-const MOTORS: std::ops::Range<usize> = 2..4;
 /// Where angles are lost there is a line for every so many steps only.
 const STAGE_OF_FEWER: usize = 6;
 /// Whole squeezes that are so many times as far from those of the training as the furthest of these is are another
@@ -116,10 +97,33 @@ impl Kinesthetic {
         tried.sort_by(|a, b| score(a).total_cmp(&score(b)));
         let chosen = tried.first().copied();
         chosen
-            .map(|chosen| set.model(chosen, reading, stillness))
+            .map(|chosen| Self::of(&set, chosen, reading, stillness))
             .ok_or(ForearmError::Untrained {
                 what: "nothing to choose from".into(),
             })
+    }
+
+    /// What is trained with this choice; `best` are the angles that every squeeze has.
+    fn of(set: &Training, chosen: Tried, best: [bool; 4], stillness: [Stillness; 2]) -> Self {
+        let there = set.range_deg.map(|range| range.is_some());
+        let reading = |reading: [bool; 4]| {
+            let every = if reading == best { 1 } else { STAGE_OF_FEWER };
+            covers(there, reading).then(|| {
+                let rows = set.rows(reading);
+                Reading {
+                    regression: Regression::train(&rows, chosen.choice, every),
+                    domain: Domain::of(&rows, chosen.choice),
+                }
+            })
+        };
+        Self {
+            profile: set.profile,
+            range_deg: set.range_deg,
+            reached: set.reached,
+            chosen,
+            readings: READINGS.map(reading).into(),
+            stillness,
+        }
     }
 
     /// What was chosen, and its errors on the training squeezes.
@@ -293,249 +297,4 @@ fn jumps(column: &[f64], span: f64) -> bool {
     };
     let wide = steps().filter(|step| *step > JUMPS * span).count();
     steps().count() >= STEPS && 2 * wide > steps().count()
-}
-
-/// Whether these angles are all that a reading needs.
-fn covers(has: [bool; 4], reading: [bool; 4]) -> bool {
-    reading.iter().zip(has).all(|(needs, has)| has || !needs)
-}
-
-/// What is left out where only these angles are used.
-fn without(used: [bool; 4]) -> LeftOut {
-    LeftOut {
-        angles: used.map(|used| !used),
-        touch: false,
-    }
-}
-
-/// An angle by its number in `ANGLES`.
-fn as_read(squeeze: &Squeeze, angle: usize) -> &[f64] {
-    let ([p0, p1], [a0, a1]) = (&squeeze.theta_p_deg, &squeeze.theta_a_deg);
-    [p0, p1, a0, a1][angle]
-}
-
-/// The same without glitches, which potentiometers have; a motor's angle comes in a packet with a checksum.
-fn angle(squeeze: &Squeeze, angle: usize) -> Cow<'_, [f64]> {
-    match as_read(squeeze, angle) {
-        column if MOTORS.contains(&angle) => Cow::Borrowed(column),
-        column => Cow::Owned(without_glitches(column)),
-    }
-}
-
-/// The angles of a reading that are added up, as numbers of `ANGLES`: the motors', then the potentiometers'.
-fn columns_of(reading: [bool; 4]) -> impl Iterator<Item = Vec<usize>> {
-    let of = move |pair: [usize; 2]| pair.into_iter().filter(|n| reading[*n]).collect::<Vec<_>>();
-    [[2, 3], [0, 1]]
-        .into_iter()
-        .map(of)
-        .filter(|pair| !pair.is_empty())
-}
-
-/// Smallest and largest number of a column.
-fn range(column: &[f64]) -> [f64; 2] {
-    let known = || column.iter().copied().filter(|v| v.is_finite());
-    [
-        known().fold(f64::INFINITY, f64::min),
-        known().fold(f64::NEG_INFINITY, f64::max),
-    ]
-}
-
-/// The two smallest and the two largest values of an angle, each of another squeeze.
-struct Others {
-    least: [f64; 2],
-    most: [f64; 2],
-}
-
-impl Others {
-    fn of(ranges: &[[f64; 2]]) -> Self {
-        let mut others = Self {
-            least: [f64::INFINITY; 2],
-            most: [f64::NEG_INFINITY; 2],
-        };
-        for [least, most] in ranges {
-            let [first, second] = &mut others.least;
-            *second = least.max(*first).min(*second);
-            *first = least.min(*first);
-            let [first, second] = &mut others.most;
-            *second = most.min(*first).max(*second);
-            *first = most.max(*first);
-        }
-        others
-    }
-
-    /// What the angle goes through in all squeezes but the one of this range.
-    fn of_all_but(&self, [least, most]: [f64; 2]) -> [f64; 2] {
-        [
-            self.least[usize::from(least == self.least[0])],
-            self.most[usize::from(most == self.most[0])],
-        ]
-    }
-}
-
-/// Smallest and largest value of an angle in all squeezes; None where it is in none, or stands still.
-fn range_of(trials: &[&Trial], angle: usize) -> Option<[f64; 2]> {
-    let ranges = trials
-        .iter()
-        .map(|trial| range(&self::angle(&trial.squeeze, angle)));
-    let [low, high] = ranges.reduce(|a, b| [a[0].min(b[0]), a[1].max(b[1])])?;
-    (high - low > STUCK_DEG).then_some([low, high])
-}
-
-/// Squeezes with their angles at phases.
-struct Training {
-    profile: Profile,
-    /// None of an angle that is in no squeeze, or moves in none.
-    range_deg: [Option<[f64; 2]>; 4],
-    /// Four angles at phases for each squeeze, 0 where there is none.
-    angles: Vec<f64>,
-    /// The phase that all came to.
-    reached: f64,
-    places: Vec<usize>,
-    percents: Vec<f64>,
-}
-
-impl Training {
-    fn of(trials: &[&Trial]) -> Result<Self, ForearmError> {
-        let (places, percents) = places(trials)?;
-        let mut set = Self {
-            profile: Profile::of(trials)?,
-            range_deg: std::array::from_fn(|n| range_of(trials, n)),
-            reached: f64::INFINITY,
-            angles: Vec::with_capacity(trials.len() * 4 * PHASES),
-            places,
-            percents,
-        };
-        for trial in trials {
-            set.add(&trial.squeeze).map_err(within(trial))?;
-        }
-        set.of_one_gripper(trials)?;
-        set.in_degrees(trials)?;
-        Ok(set)
-    }
-
-    /// Whether each squeeze's angles are where those of all others are, and its motors move as theirs do.
-    fn of_one_gripper(&self, trials: &[&Trial]) -> Result<(), ForearmError> {
-        for (n, name) in ANGLES
-            .into_iter()
-            .enumerate()
-            .filter(|(n, _)| self.range_deg[*n].is_some())
-        {
-            let ranges: Vec<[f64; 2]> = trials
-                .iter()
-                .map(|trial| range(&angle(&trial.squeeze, n)))
-                .collect();
-            let others = Others::of(&ranges);
-            for (trial, [least, most]) in trials.iter().zip(&ranges) {
-                let [low, high] = others.of_all_but([*least, *most]);
-                let (span, moved) = (high - low, most - least);
-                let refused = |error| Err(within(trial)(error));
-                if MOTORS.contains(&n) && moved < LEAST_MOVED * span {
-                    return refused(ForearmError::Still { name, moved, span });
-                }
-                let (low, high) = (low - BEYOND_OTHERS_DEG, high + BEYOND_OTHERS_DEG);
-                if let Some(value) = [*least, *most].into_iter().find(|v| !(low..=high).contains(v)) {
-                    return refused(ForearmError::Angle {
-                        name,
-                        value,
-                        low,
-                        high,
-                    });
-                }
-            }
-        }
-        Ok(())
-    }
-
-    /// Whether each angle is as large in some squeeze as one in radians is in none.
-    fn in_degrees(&self, trials: &[&Trial]) -> Result<(), ForearmError> {
-        for n in MOTORS
-            .chain(0..MOTORS.start)
-            .filter(|n| self.range_deg[*n].is_some())
-        {
-            let ranges = trials.iter().map(|trial| range(&angle(&trial.squeeze, n)));
-            let (goes, most) = match MOTORS.contains(&n) {
-                true => (
-                    "moves by",
-                    ranges.map(|[least, most]| most - least).fold(0.0, f64::max),
-                ),
-                false => ("comes to", ranges.flatten().map(f64::abs).fold(0.0, f64::max)),
-            };
-            if most < LEAST_CLOSED_DEG {
-                let name = ANGLES[n];
-                return Err(ForearmError::Untrained {
-                    what: format!(
-                        "{name} {goes} {most:.2} degrees in a squeeze at most; is it in degrees? If it is, it tells nothing: \
-                         write NaN in its place throughout, and it is done without"
-                    ),
-                });
-            }
-        }
-        Ok(())
-    }
-
-    fn add(&mut self, squeeze: &Squeeze) -> Result<(), ForearmError> {
-        let course = self.profile.whole(squeeze)?;
-        self.reached = self.reached.min(course.reached());
-        for (n, name) in ANGLES.into_iter().enumerate() {
-            let column = angle(squeeze, n);
-            if self.range_deg[n].is_none() {
-                self.angles.extend([0.0; PHASES]);
-            } else if !course.at_phases(|row| column[row], &mut self.angles) {
-                return Err(ForearmError::LostOnce { name });
-            }
-        }
-        Ok(())
-    }
-
-    /// The most angles that every squeeze has.
-    fn reading(&self) -> Result<[bool; 4], ForearmError> {
-        let there = self.range_deg.map(|range| range.is_some());
-        let all = READINGS.into_iter().find(|reading| covers(there, *reading));
-        all.ok_or_else(|| {
-            let missing: Vec<_> = without(there).names().collect();
-            ForearmError::Untrained {
-                what: format!("no squeeze has {}, or they never move", missing.join(", ")),
-            }
-        })
-    }
-
-    fn rows(&self, reading: [bool; 4]) -> Rows {
-        let pairs: Vec<Vec<usize>> = columns_of(reading).collect();
-        let mut features = Vec::with_capacity(self.places.len() * pairs.len() * PHASES);
-        for angles in self.angles.chunks_exact(4 * PHASES) {
-            for pair in &pairs {
-                features.extend(
-                    (0..PHASES).map(|step| pair.iter().map(|n| angles[n * PHASES + step]).sum::<f64>()),
-                );
-            }
-        }
-        Rows {
-            columns: pairs.len(),
-            features,
-            places: self.places.clone(),
-            percents: self.percents.clone(),
-        }
-    }
-
-    fn model(&self, chosen: Tried, best: [bool; 4], stillness: [Stillness; 2]) -> Kinesthetic {
-        let there = self.range_deg.map(|range| range.is_some());
-        let reading = |reading: [bool; 4]| {
-            let every = if reading == best { 1 } else { STAGE_OF_FEWER };
-            covers(there, reading).then(|| {
-                let rows = self.rows(reading);
-                Reading {
-                    regression: Regression::train(&rows, chosen.choice, every),
-                    domain: Domain::of(&rows, chosen.choice),
-                }
-            })
-        };
-        Kinesthetic {
-            profile: self.profile,
-            range_deg: self.range_deg,
-            reached: self.reached,
-            chosen,
-            readings: READINGS.map(reading).into(),
-            stillness,
-        }
-    }
 }
