@@ -1,0 +1,88 @@
+"""`taxel record` of a daemon as a process, and what is in its file."""
+
+import resource
+import signal
+import subprocess
+from contextlib import contextmanager, suppress
+
+from harness.daemon import binary, die_with_parent
+from mcap.exceptions import McapError
+from mcap.reader import NonSeekingReader
+from mcap_ros2.decoder import DecoderFactory
+
+
+def with_room(limit=None):
+    """How a process is started on a disk that is full when a file has so many bytes; it ends with the test run."""
+
+    def limited():
+        die_with_parent()
+        if limit:
+            resource.setrlimit(resource.RLIMIT_FSIZE, (limit, limit))
+
+    # Without signals the limit is told by an error.
+    return {"preexec_fn": limited, "restore_signals": False}
+
+
+class Recorder:
+    """`taxel record` of a daemon; what it says is in `said`."""
+
+    def __init__(self, daemon, out, *arguments, limit=None, stderr=None):
+        self.daemon, self.out = daemon, out
+        self.log = out.with_suffix(".said")
+        with self.log.open("wb") as log:
+            self.process = subprocess.Popen(
+                [binary("taxel"), "record", out, "--config", daemon.config, *arguments],
+                stderr=log if stderr is None else stderr,
+                **with_room(limit),
+            )
+        self.is_subscribed()
+
+    def is_subscribed(self):
+        """Waits until it is.
+
+        It opens its buses before it subscribes, and has every message from when its wish is known, not from when it came.
+        """
+        self.daemon.wait_status(
+            lambda s: any(other["pid"] == self.process.pid and other["every"] for other in s["subscribers"]),
+            "taxel record does not subscribe",
+        )
+
+    @property
+    def said(self):
+        return self.log.read_text()
+
+    def end(self, by=signal.SIGINT):
+        self.process.send_signal(by)
+        return self.process.wait(20)
+
+
+@contextmanager
+def recording(daemon, out, *arguments, **options):
+    recorder = Recorder(daemon, out, *arguments, **options)
+    try:
+        yield recorder
+    finally:
+        recorder.process.kill()
+        recorder.process.wait()
+
+
+def taxel(*arguments):
+    """Runs a command; what it says on stderr."""
+    done = subprocess.run([binary("taxel"), *arguments], capture_output=True, text=True)
+    assert done.returncode == 0, done.stderr
+    return done.stderr
+
+
+def messages(path):
+    """Every message by topic, decoded by mcap-ros2-support; also of a file without its end, and of one that is not made yet."""
+    decoder, by_topic = DecoderFactory(), {}
+    with suppress(McapError, FileNotFoundError), path.open("rb") as file:
+        read = NonSeekingReader(file, decoder_factories=[decoder]).iter_decoded_messages(log_time_order=False)
+        for schema, channel, message, decoded in read:
+            by_topic.setdefault(channel.topic, []).append((schema.name, message.log_time, decoded))
+    return by_topic
+
+
+def marks(path):
+    """Time and text of the marks in a recording."""
+    return [(at_ns, log.msg) for _, at_ns, log in messages(path).get("/rosout", []) if log.name == "mark"]
