@@ -411,7 +411,6 @@ class Follower:
             return True
         for name, value in saved.items():
             setattr(self, name, value)
-        self.done = bool(self.done)
         return False
 
     # The last step with many contacts
