@@ -1,12 +1,15 @@
-//! Places from squeezes: what an estimator promises, on squeezes that follow a simple rule and on the public ones.
+//! Places from squeezes that follow a simple rule: what an estimator tells of their angles, and what it refuses and why.
 
+mod bytes;
 mod few;
 mod goes_on;
 mod lost_angles;
+mod public;
+mod touch;
 
 use taxel_forearm::{
-    Disturbance, Errors, Estimate, Estimator, FULL_PWM, Judged, Kinesthetic, Model, PLACES, Sample, Session,
-    Source, Squeeze, TACTELS, TACTILE_COLUMNS, Trial, location_percent, splits,
+    Disturbance, Estimator, FULL_PWM, Model, PLACES, Sample, Session, Squeeze, TACTELS, TACTILE_COLUMNS,
+    Trial, location_percent,
 };
 
 /// A squeeze whose angles fall evenly from wrist to elbow, and move with PWM.
@@ -63,161 +66,6 @@ fn touch(squeeze: &mut Squeeze, percent: f64) {
         .iter()
         .flat_map(|pwm| image.iter().map(move |felt| (0.5 * pwm * felt) as u16));
     squeeze.tactile = Some(counts.collect());
-}
-
-#[test]
-fn touch_alone_and_with_angles_tells_the_place_and_a_lost_sense_is_done_without() {
-    let session = session_with_touch();
-    let model = Model::train(&session).unwrap();
-    let tactile = &model.touch.as_ref().unwrap().0;
-    let mut whole = squeeze(37.0, 0.0);
-    assert_eq!(model.estimate(&whole).unwrap().source, Source::Kinesthetic);
-    assert!(
-        tactile
-            .estimate(&whole)
-            .unwrap_err()
-            .to_string()
-            .contains("no tactile images")
-    );
-    touch(&mut whole, 37.0);
-    let felt = tactile.estimate(&whole).unwrap();
-    assert!(
-        (felt.percent - 37.0).abs() < 3.0 && felt.source == Source::Tactile,
-        "{felt:?}"
-    );
-    let fused = model.estimate(&whole).unwrap();
-    assert!(
-        (fused.percent - 37.0).abs() < 2.0 && fused.source == Source::Fused,
-        "{fused:?}"
-    );
-    for len in (2..whole.len()).step_by(9) {
-        assert!(model.estimate(&whole.prefix(len)).is_ok());
-    }
-    whole
-        .theta_a_deg
-        .iter_mut()
-        .for_each(|column| column.fill(f64::NAN));
-    let alone = model.estimate(&whole).unwrap();
-    let motors = ["theta_a of finger 0", "theta_a of finger 1"];
-    assert_eq!(alone.left_out.names().collect::<Vec<_>>(), motors);
-    let left_out = felt.left_out;
-    assert_eq!(Estimate { left_out, ..alone }, felt);
-    let back = Model::from_bytes(&model.to_bytes()).unwrap();
-    assert!((back.estimate(&whole).unwrap().percent - felt.percent).abs() < 1e-6);
-}
-
-#[test]
-fn touch_of_an_array_of_another_gain_is_done_without() {
-    // A ridge that is as strong in all wherever it is, so that the array's gain tells.
-    let even = |squeeze: &mut Squeeze, percent: f64| {
-        touch(squeeze, percent);
-        let times = 4.0 / (4.0 + percent / 10.0);
-        let counts = squeeze.tactile.iter_mut().flatten();
-        counts.for_each(|count| *count = (f64::from(*count) * times).round() as u16);
-    };
-    let mut session = session_with_touch();
-    for trial in &mut session.trials {
-        even(&mut trial.squeeze, trial.location_percent);
-    }
-    let model = Model::train(&session).unwrap();
-    let mut felt = squeeze(37.0, 0.0);
-    let angles = model.estimate(&felt).unwrap();
-    even(&mut felt, 37.0);
-    assert_eq!(model.estimate(&felt).unwrap().source, Source::Fused);
-    for gain in [0.6, 0.8, 0.9, 1.1, 1.2, 1.5] {
-        let other = Disturbance::Gain(gain).apply(&felt, 1);
-        let estimate = model.estimate(&other).unwrap();
-        assert_eq!(estimate.percent, angles.percent, "gain {gain}: {estimate:?}");
-        assert_eq!(estimate.left_out.names().collect::<Vec<_>>(), ["touch"], "{gain}");
-    }
-}
-
-#[test]
-fn touch_that_is_unlike_that_of_the_training_is_done_without_and_said() {
-    let model = Model::train(&session_with_touch()).unwrap();
-    let mut felt = squeeze(37.0, 0.0);
-    let angles = model.estimate(&felt).unwrap();
-    touch(&mut felt, 37.0);
-    let still = felt.tactile_image(50).unwrap().to_vec();
-    let felt_by = |count: &dyn Fn(usize, u16) -> u16| {
-        let mut felt = felt.clone();
-        let counts = felt.tactile.iter_mut().flatten().enumerate();
-        counts.for_each(|(n, felt)| *felt = count(n, *felt));
-        felt
-    };
-    for (what, mut squeeze) in [
-        ("dead", felt_by(&|_, _| 0)),
-        ("saturated", felt_by(&|_, _| 255)),
-        (
-            "half of it dead",
-            felt_by(&|n, felt| if n % 50 < 25 { 0 } else { felt }),
-        ),
-        ("noise", felt_by(&|n, _| (n * 7919 % 251) as u16)),
-        ("still", felt_by(&|n, _| still[n % TACTELS])),
-    ] {
-        let estimate = model.estimate(&squeeze).unwrap();
-        assert_eq!(
-            (estimate.percent, estimate.source),
-            (angles.percent, Source::Kinesthetic),
-            "{what}"
-        );
-        assert_eq!(estimate.left_out.names().collect::<Vec<_>>(), ["touch"], "{what}");
-        // Nor does it stand in where angles are lost.
-        for angle in squeeze.theta_a_deg.iter_mut().flatten() {
-            *angle = f64::NAN;
-        }
-        let error = model
-            .touch
-            .as_ref()
-            .unwrap()
-            .0
-            .estimate(&squeeze)
-            .unwrap_err()
-            .to_string();
-        assert!(
-            error.contains("times as far from those of the training"),
-            "{what}: {error}"
-        );
-        assert!(model.estimate(&squeeze).is_err(), "{what}");
-    }
-}
-
-#[test]
-fn touch_does_not_hide_angles_of_another_gripper() {
-    let model = Model::train(&session_with_touch()).unwrap();
-    for (scale, words) in [
-        (std::f64::consts::PI / 180.0, "moves by 0."),
-        (-1.0, "is it in degrees, and of the same gripper"),
-    ] {
-        let mut other = squeeze(37.0, 0.0);
-        touch(&mut other, 37.0);
-        for angle in other
-            .theta_a_deg
-            .iter_mut()
-            .chain(&mut other.theta_p_deg)
-            .flatten()
-        {
-            *angle *= scale;
-        }
-        let error = model.estimate(&other).unwrap_err().to_string();
-        assert!(
-            error.contains("is it in degrees") && (error.contains(words) || scale > 0.0),
-            "{error}"
-        );
-    }
-}
-
-#[test]
-fn touch_that_is_the_same_in_all_squeezes_is_named_by_the_array() {
-    for count in [0, 7] {
-        let mut session = session_with_touch();
-        for trial in &mut session.trials {
-            trial.squeeze.tactile = Some(vec![count; TACTELS * trial.squeeze.len()]);
-        }
-        let error = Model::train(&session).unwrap_err().to_string();
-        let words = "the tactile images of all 26 squeezes are the same; is the array connected?";
-        assert!(error.contains(words), "{error}");
-    }
 }
 
 fn model() -> Model {
@@ -310,26 +158,6 @@ fn angles_that_move_in_another_way_within_the_same_range_are_another_grippers() 
     assert_eq!(back.estimate(&other).unwrap_err().to_string(), error);
     // Until it is over, that is not told.
     assert!(model.estimate(&other.prefix(80)).is_ok());
-}
-
-#[test]
-fn a_model_with_no_interval_or_lines_out_of_order_is_none() {
-    let text = String::from_utf8(model().to_bytes()).unwrap();
-    let (lines, _) = text.trim_end().rsplit_once('\n').unwrap();
-    let width = lines.split("\"half_width_90\":").nth(1).unwrap();
-    let width = width.split('}').next().unwrap();
-    for (from, to) in [
-        (format!("\"half_width_90\":{width}"), "\"half_width_90\":-5.0"),
-        ("\"last\":0,".into(), "\"last\":7,"),
-        ("\"last\":47,".into(), "\"last\":999,"),
-    ] {
-        assert!(lines.contains(&from), "{from}");
-        let edited = lines.replacen(&from, to, 1) + "\n";
-        let checksum = crc32fast::hash(edited.as_bytes());
-        let edited = format!("{edited}{{\"checksum\":{checksum}}}\n");
-        let error = Model::from_bytes(edited.as_bytes()).unwrap_err().to_string();
-        assert!(error.contains("its parts do not fit each other"), "{to}: {error}");
-    }
 }
 
 #[test]
@@ -485,127 +313,4 @@ fn training_names_the_squeeze_that_it_cannot_take() {
             &format!("theta_p of finger {finger} comes to 0."),
         );
     }
-}
-
-#[test]
-fn a_model_comes_back_from_its_bytes_and_nothing_else_is_one() {
-    let model = model();
-    let bytes = model.to_bytes();
-    let back = Model::from_bytes(&bytes).unwrap();
-    let whole = squeeze(37.0, 0.0);
-    let (one, other) = (model.estimate(&whole).unwrap(), back.estimate(&whole).unwrap());
-    assert!((one.percent - other.percent).abs() < 1e-9);
-    assert_eq!(back.trained_on.squeezes, 78);
-    let text = String::from_utf8(bytes).unwrap();
-    let refused = |text: &str, words: &str| {
-        let error = Model::from_bytes(text.as_bytes()).unwrap_err().to_string();
-        assert!(
-            error.contains("no model as `taxel forearm train` writes it") && error.contains(words),
-            "{error}"
-        );
-    };
-    refused(
-        &text.replacen("\"version\":5", "\"version\":4", 1),
-        "of version 4, and 5 is read; train it again",
-    );
-    refused(
-        &text.replacen("forearm model", "palm model", 1),
-        "taxel palm model",
-    );
-    refused(
-        &text.replacen("\"offset\":", "\"offset\":1", 1),
-        "its checksum is wrong",
-    );
-    refused(&text[..text.len() / 2], "its checksum is wrong");
-    // Every line is summed up.
-    for (from, to) in [
-        ("\"angles\":\"degrees\"", "\"angles\":\"radians\""),
-        ("\"squeezes\":78", "\"squeezes\":13"),
-        ("100.0],", "50.0],"),
-    ] {
-        assert!(text.contains(from), "{from}");
-        refused(&text.replacen(from, to, 1), "its checksum is wrong");
-    }
-    refused("{}", "one line");
-    refused("{}\n", "its first line");
-}
-
-#[test]
-fn public_squeezes_are_of_their_gripper_whatever_happens_to_them_and_most_reversed_ones_are_not() {
-    let Some(path) = taxel_recordings::find("forearm_kinesthetic.npz") else {
-        return;
-    };
-    let session = Session::open(&path).unwrap();
-    let split = &splits(&session, 1, 1)[0];
-    let trials: Vec<&Trial> = split.train.iter().map(|n| &session.trials[*n]).collect();
-    let model = Kinesthetic::train(&trials).unwrap();
-    let mut told = 0;
-    for n in &split.test {
-        let trial = &session.trials[*n];
-        for what in [
-            Disturbance::Missing(0.3),
-            Disturbance::Gap(2000.0),
-            Disturbance::Noise(1.0),
-            Disturbance::Faster(2),
-            Disturbance::Slower(2),
-            Disturbance::Zero(1.0),
-            Disturbance::PotentiometerSticks,
-            Disturbance::PotentiometerElsewhere,
-            Disturbance::PotentiometerDead,
-        ] {
-            let estimate = model.estimate(&what.apply(&trial.squeeze, *n as u64));
-            assert!(estimate.is_ok(), "{}, {what}: {estimate:?}", trial.name());
-        }
-        let mut reversed = trial.squeeze.clone();
-        let Squeeze {
-            theta_p_deg,
-            theta_a_deg,
-            ..
-        } = &mut reversed;
-        for column in theta_p_deg.iter_mut().chain(theta_a_deg) {
-            column.reverse();
-        }
-        let error = model.estimate(&reversed).err().map(|error| error.to_string());
-        told += usize::from(error.is_some_and(|error| error.contains("is it the same gripper")));
-    }
-    let all = split.test.len();
-    assert!(10 * told > 9 * all, "{told} of {all}");
-}
-
-/// The figures of docs/forearm.md, with room for another order of additions.
-#[test]
-fn on_the_public_squeezes_errors_are_those_of_the_page() {
-    let Some(path) = taxel_recordings::find("forearm_kinesthetic.npz") else {
-        return;
-    };
-    let session = Session::open(&path).unwrap();
-    let mut judged = Vec::new();
-    for (repetition, split) in splits(&session, 5, 1).iter().enumerate() {
-        let trials: Vec<&Trial> = split.train.iter().map(|n| &session.trials[*n]).collect();
-        let model = Kinesthetic::train(&trials).unwrap();
-        for trial in split.test.iter().map(|n| &session.trials[*n]) {
-            let estimate = model.estimate(&trial.squeeze).unwrap();
-            judged.push(Judged {
-                repetition,
-                percent: trial.location_percent,
-                estimate: estimate.percent,
-                half_width_90: estimate.half_width_90,
-                seen: trials
-                    .iter()
-                    .any(|t| t.location_percent == trial.location_percent),
-            });
-        }
-    }
-    let errors = Errors::of(&judged).unwrap();
-    assert!(
-        errors.macro_rmse < 6.4 && errors.macro_mae < 5.7,
-        "{:?}",
-        errors.macro_rmses
-    );
-    assert!(errors.pooled_rmse < 8.9 && errors.half_width_90 < 15.5);
-    assert!(
-        errors.coverage_seen_and_new[1] > 0.87,
-        "{:?}",
-        errors.coverage_seen_and_new
-    );
 }
