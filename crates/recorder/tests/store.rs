@@ -34,6 +34,20 @@ fn day(folder: &Path, most_files: usize) -> Store {
     )
 }
 
+/// A store of `slip.mcap`: what is around triggers, from three seconds before to five behind.
+fn slip(folder: &Path) -> Store {
+    let around = Around {
+        before_ns: 3 * S,
+        after_ns: 5 * S,
+    };
+    Store::new(
+        &folder.join("slip.mcap"),
+        Preamble::default(),
+        Split::default(),
+        Some(around),
+    )
+}
+
 /// What a run of `most_files` leaves that makes so many files.
 fn run(folder: &Path, most_files: usize, files: u64) {
     let mut store = day(folder, most_files);
@@ -211,12 +225,7 @@ fn recorders_that_give_their_files_one_name_leave_no_more_than_either_wants_and_
 #[test]
 fn a_trigger_before_which_nothing_came_makes_a_file_of_what_comes_behind_it() {
     let folder = tempfile::tempdir().unwrap();
-    let around = Around {
-        before_ns: 3 * S,
-        after_ns: 5 * S,
-    };
-    let path = folder.path().join("slip.mcap");
-    let mut store = Store::new(&path, Preamble::default(), Split::default(), Some(around));
+    let mut store = slip(folder.path());
     store.note(note(S)).unwrap();
     assert!(!store.trigger(S).unwrap());
     store.cut(S).unwrap();
@@ -238,12 +247,7 @@ fn a_trigger_before_which_nothing_came_makes_a_file_of_what_comes_behind_it() {
 #[test]
 fn frames_that_were_gathered_across_an_end_of_what_is_kept_are_kept() {
     let folder = tempfile::tempdir().unwrap();
-    let around = Around {
-        before_ns: 3 * S,
-        after_ns: 5 * S,
-    };
-    let path = folder.path().join("slip.mcap");
-    let mut store = Store::new(&path, Preamble::default(), Split::default(), Some(around));
+    let mut store = slip(folder.path());
     // A message of frames has the time of its first one, and comes when its last one is there.
     const MS: u64 = 1_000_000;
     let images = |from_ns: u64, to_ns: u64| (from_ns..to_ns).step_by(10 * MS as usize);
@@ -389,12 +393,7 @@ fn a_file_that_others_do_something_to_is_told_and_the_recording_goes_on_in_anoth
 #[test]
 fn what_is_around_a_trigger_goes_on_in_another_file_where_its_own_is_gone() {
     let folder = tempfile::tempdir().unwrap();
-    let around = Around {
-        before_ns: 3 * S,
-        after_ns: 5 * S,
-    };
-    let path = folder.path().join("slip.mcap");
-    let mut store = Store::new(&path, Preamble::default(), Split::default(), Some(around));
+    let mut store = slip(folder.path());
     store.take(entry(Topic::Events, S, "1")).unwrap();
     assert!(store.trigger(S).unwrap());
     store.cut(S).unwrap();
