@@ -329,8 +329,7 @@ fn the_time_of_validity_never_goes_back() {
 
 #[test]
 fn what_a_board_sends_while_it_comes_up_is_thrown_away() {
-    let config = SweepConfig::default();
-    let mut bench = Bench::new(2, &config, false);
+    let mut bench = Bench::new(2, &SweepConfig::default(), false);
     let cases = [
         // (milliseconds from the start, what becomes of the reading)
         (0, Push::Settling),
@@ -448,39 +447,37 @@ fn a_reading_of_another_layout_is_refused() {
 #[test]
 fn settings_outside_their_range_are_named_with_their_limits() {
     SweepConfig::default().check().unwrap();
-    let with = |change: fn(&mut SweepConfig)| {
-        let mut config = SweepConfig::default();
-        change(&mut config);
-        config.check().unwrap_err().to_string()
-    };
-    let cases = [
+    type Change = fn(&mut SweepConfig);
+    let cases: [(Change, &str); 6] = [
         (
-            with(|c| c.board_period_ms = Some(0.5)),
+            |c| c.board_period_ms = Some(0.5),
             "sweep: board_period_ms = 0.5 is outside 1 to 10000",
         ),
         (
-            with(|c| c.board_period_ms = Some(f64::NAN)),
+            |c| c.board_period_ms = Some(f64::NAN),
             "sweep: board_period_ms = NaN is outside 1 to 10000",
         ),
         (
-            with(|c| c.deadline_ms = Some(0.0)),
+            |c| c.deadline_ms = Some(0.0),
             "sweep: deadline_ms = 0 is outside 0.1 to 10000",
         ),
         (
-            with(|c| c.stale_after_ms = Some(1e9)),
+            |c| c.stale_after_ms = Some(1e9),
             "sweep: stale_after_ms = 1000000000 is outside 1 to 60000",
         ),
         (
-            with(|c| c.silent_after_sweeps = 0),
+            |c| c.silent_after_sweeps = 0,
             "sweep: silent_after_sweeps = 0 is outside 1 to 250",
         ),
         (
-            with(|c| c.settle_ms = -1.0),
+            |c| c.settle_ms = -1.0,
             "sweep: settle_ms = -1 is outside 0 to 60000",
         ),
     ];
-    for (message, expected) in cases {
-        assert_eq!(message, expected);
+    for (change, expected) in cases {
+        let mut config = SweepConfig::default();
+        change(&mut config);
+        assert_eq!(config.check().unwrap_err().to_string(), expected);
     }
 }
 
