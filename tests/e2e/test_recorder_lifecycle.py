@@ -207,6 +207,32 @@ def test_a_file_that_is_renamed_while_it_is_recorded_into_is_told_and_the_record
         assert counted.message_count > 0
 
 
+def test_what_a_daemon_is_told_while_it_runs_leaves_the_recording_with_the_configuration_it_runs_with(start, folder):
+    daemon = start()
+    text, out = daemon.config.read_text(), folder / "day.mcap"
+
+    def described(levels=None):
+        hellos = [json.loads(one.data) for _, _, one in messages(out).get("/taxel/hello", [])]
+        return any(levels in (None, hello["profile"]["levels"]) for hello in hellos)
+
+    with recording(daemon, out) as recorder:
+        eventually(described, "no hand is described")
+        # Of this, a reload takes up the profile alone.
+        masked = text.replace("[conditioning]", "[conditioning]\nmasked_taxels = [1, 2]")
+        assert masked != text
+        daemon.config.write_text(masked.replace("[profile]", "[profile]\nlevels = 3"))
+        daemon.process.send_signal(signal.SIGHUP)
+        eventually(lambda: described(3), lambda: f"it goes on elsewhere: {recorder.said}")
+        # As an editor leaves it in the middle.
+        daemon.config.write_text("[profile]\nlevels")
+        assert daemon.control("profile", profile={"levels": 4})["ok"]
+        eventually(lambda: described(4), lambda: f"it goes on elsewhere: {recorder.said}")
+        assert recorder.end() == 0, recorder.said
+    assert list(folder.glob("*.mcap")) == [out] and "configuration" not in recorder.said, recorder.said
+    with out.open("rb") as file:
+        assert [one.data.decode() for one in make_reader(file).iter_attachments()] == [text]
+
+
 def test_a_recording_goes_on_though_nobody_reads_what_it_says(start, folder):
     daemon = start()
     reader, full = os.pipe()

@@ -1,5 +1,5 @@
-//! What a hand is recorded with: the configuration of its daemon, and its buses. It is looked at anew whenever a daemon
-//! describes itself, since a recorder outlives many of them.
+//! What a hand is recorded with: the configuration of its daemon, and its buses. It is looked at anew whenever it is
+//! connected to a daemon, since a recorder outlives many of them.
 
 use super::{Args, buses_of, buses_of_daemon, same_hand, status_of_daemon};
 use crate::input::DEFAULT_LAYOUT;

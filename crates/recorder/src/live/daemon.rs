@@ -106,6 +106,7 @@ fn read_subscription(
         ..Subscribe::default()
     })?;
     let mut kept = Kept {
+        is_followed: false,
         joints: Vec::new(),
         is_monotonic: false,
         mark_triggers,
@@ -137,6 +138,9 @@ fn read_subscription(
 
 /// What a subscription is written with.
 struct Kept<'a> {
+    /// Whether its daemon has described itself. What it describes later is its profile at most: whatever else its
+    /// configuration has in a file by then is not in force before a restart.
+    is_followed: bool,
     /// The joints of the hand, by the newest HELLO.
     joints: Vec<String>,
     /// Whether its times are those of this machine.
@@ -160,7 +164,9 @@ impl Kept<'_> {
         match received {
             Received::Hello(hello) => {
                 shared.is_described.store(true, Ordering::Relaxed);
-                follow(hello, self.recorded, self.queue, shared);
+                if !std::mem::replace(&mut self.is_followed, true) {
+                    follow(hello, self.recorded, self.queue, shared);
+                }
                 self.is_monotonic = hello.clock == Clock::Monotonic;
                 self.joints.clone_from(&hello.joints);
                 let text = String::from_utf8_lossy(&hello.to_json()).into_owned();

@@ -98,8 +98,9 @@ pub struct Signals<'a> {
     pub trigger: &'a (dyn Fn() -> bool + Sync),
     /// Tells people something.
     pub say: &'a (dyn Fn(&str) + Sync),
-    /// What the hand is recorded with that a daemon describes, asked at each description: the next daemon may run with
-    /// another configuration. Where that is another than before, another file is begun; none is as before.
+    /// What the hand is recorded with that a daemon describes, asked at the first description of each connection: the next
+    /// daemon may run with another configuration. Where that is another than before, another file is begun; none is as
+    /// before.
     pub described: &'a (dyn Fn(&Hello) -> Option<Described> + Sync),
 }
 
