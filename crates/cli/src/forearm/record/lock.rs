@@ -1,5 +1,6 @@
 //! One program at a time in the folder of a session.
 
+use crate::notices;
 use anyhow::{Context, bail};
 use std::fs::{self, File, OpenOptions, TryLockError};
 use std::io::{Read, Write};
@@ -15,34 +16,48 @@ pub(super) struct Lock {
 }
 
 impl Lock {
-    /// Takes the folder, and makes it where it is missing.
+    /// Takes the folder, and makes it where it is missing. On a filesystem without locks it goes on, and says so.
     ///
     /// # Errors
     /// Another program has it.
     pub(super) fn take(folder: &Path) -> anyhow::Result<Self> {
         fs::create_dir_all(folder).with_context(|| folder.display().to_string())?;
         let path = folder.join(NAME);
-        let named = || path.display().to_string();
         let mut options = OpenOptions::new();
         options.read(true).write(true).create(true).truncate(false);
-        let mut file = options.open(&path).with_context(named)?;
+        // One that another user has made is locked without being written.
+        let file = (options.open(&path))
+            .or_else(|error| File::open(&path).map_err(|_| error))
+            .with_context(|| path.display().to_string())?;
+        Self::of(file, folder)
+    }
+
+    fn of(mut file: File, folder: &Path) -> anyhow::Result<Self> {
         match file.try_lock() {
-            Ok(()) => {}
+            Ok(()) => {
+                // For others to be told, where it can be.
+                let _ = (file.set_len(0)).and_then(|()| writeln!(file, "{}", std::process::id()));
+            }
             Err(TryLockError::WouldBlock) => {
                 let mut pid = String::new();
                 let _ = (&file).take(20).read_to_string(&mut pid);
+                let pid = pid.trim();
+                // Another user's may have been there before.
+                let process = match !pid.is_empty() && Path::new("/proc").join(pid).exists() {
+                    true => format!(" (process {pid})"),
+                    false => String::new(),
+                };
                 bail!(
-                    "{}: another `taxel forearm record` (process {}) is at work in this folder; wait until it ends, or end \
-                     it, or record into another folder",
+                    "{}: another `taxel forearm record`{process} is at work in this folder; wait until it ends, or end it, \
+                     or record into another folder",
                     folder.display(),
-                    pid.trim()
                 );
             }
-            Err(TryLockError::Error(error)) => return Err(error).with_context(named),
+            Err(TryLockError::Error(error)) => notices::say(&format!(
+                "taxel: {}: nothing keeps another `taxel forearm record` out of this folder: {error}",
+                folder.display()
+            )),
         }
-        file.set_len(0)
-            .and_then(|()| writeln!(file, "{}", std::process::id()))
-            .with_context(named)?;
         Ok(Self { _file: file })
     }
 }
@@ -50,6 +65,10 @@ impl Lock {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use nix::libc::O_PATH;
+    use nix::unistd::{Uid, setfsuid};
+    use std::fs::Permissions;
+    use std::os::unix::fs::{OpenOptionsExt, PermissionsExt};
     use tempfile::TempDir;
 
     #[test]
@@ -66,5 +85,34 @@ mod tests {
             assert!(error.contains(&own), "{error}");
             drop(lock);
         }
+    }
+
+    #[test]
+    fn a_folder_in_which_another_user_was_at_work_is_one_program_s_too() {
+        let dir = TempDir::new().unwrap();
+        fs::set_permissions(dir.path(), Permissions::from_mode(0o755)).unwrap();
+        let path = dir.path().join(NAME);
+        fs::write(&path, "99999999").unwrap();
+        fs::set_permissions(&path, Permissions::from_mode(0o444)).unwrap();
+        // This thread's alone: root may write whatever it likes.
+        let own = setfsuid(Uid::from_raw(65534));
+        assert!(OpenOptions::new().write(true).open(&path).is_err());
+        let (lock, second) = (Lock::take(dir.path()), Lock::take(dir.path()));
+        setfsuid(own);
+        lock.unwrap();
+        let error = second.unwrap_err().to_string();
+        assert!(error.contains("record` is at work in this folder"), "{error}");
+    }
+
+    #[test]
+    fn where_the_filesystem_has_no_locks_it_is_gone_on_without() {
+        let dir = TempDir::new().unwrap();
+        // It can be locked as little as a file there.
+        let file = OpenOptions::new()
+            .read(true)
+            .custom_flags(O_PATH)
+            .open(dir.path())
+            .unwrap();
+        Lock::of(file, dir.path()).unwrap();
     }
 }
