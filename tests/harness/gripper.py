@@ -2,6 +2,8 @@
 
 import math
 import socket
+import subprocess
+import sys
 
 from harness.daemon import ask
 
@@ -36,6 +38,18 @@ def control(daemon):
     connection.settimeout(20)
     connection.connect(str(daemon.control_path))
     return connection
+
+
+def control_of_another(daemon):
+    """A connection that another process has made, and which: for the daemon it is that one's."""
+    connection = socket.socket(socket.AF_UNIX, socket.SOCK_STREAM)
+    connect = "import socket, sys; socket.socket(fileno=int(sys.argv[1])).connect(sys.argv[2])"
+    number = connection.fileno()
+    command = [sys.executable, "-c", connect, str(number), str(daemon.control_path)]
+    process = subprocess.Popen(command, pass_fds=[number])
+    assert process.wait(20) == 0
+    connection.settimeout(20)
+    return connection, process.pid
 
 
 def torque_on(connection, name, hold_ms):

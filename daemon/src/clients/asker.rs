@@ -26,8 +26,15 @@ pub(crate) struct Asker {
 
 impl Asker {
     pub(crate) fn of(stream: &UnixStream, access: Access) -> Self {
-        let user = stream.peer_cred().ok().map(|peer| (peer.uid(), peer.pid()));
+        // Processes that this namespace does not see are all called 0.
+        let pid = |pid: Option<i32>| pid.filter(|pid| *pid > 0);
+        let user = stream.peer_cred().ok().map(|peer| (peer.uid(), pid(peer.pid())));
         Self { access, user }
+    }
+
+    /// Whether both are known to be one process.
+    pub(crate) fn is_process_of(&self, other: &Self) -> bool {
+        self.pid().is_some() && self.user == other.user
     }
 
     /// Their process; none where the kernel says nothing.
@@ -41,6 +48,13 @@ impl Asker {
             access: Access::Change,
             user: None,
         }
+    }
+
+    #[cfg(test)]
+    pub(crate) fn process(uid: u32, pid: Option<i32>) -> Self {
+        let user = Some((uid, pid));
+        let access = Access::Change;
+        Self { access, user }
     }
 }
 

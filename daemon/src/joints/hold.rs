@@ -93,10 +93,11 @@ impl<'a> Hold<'a> {
         own.map(|held| held.patience).min()
     }
 
-    /// The client that holds this motor, if it is another one.
+    /// The client that holds this motor, if it is another one: a program may have several connections.
     fn other_holder(&self, joint: usize) -> Option<Asker> {
         let held = self.holders.held.borrow();
-        let mut others = held.iter().filter(|held| held.by != self.number);
+        let is_own = |held: &Held| held.by == self.number || held.asker.is_process_of(&self.asker);
+        let mut others = held.iter().filter(|held| !is_own(held));
         others.find(|held| held.joint == joint).map(|held| held.asker)
     }
 
@@ -320,6 +321,32 @@ mod tests {
         assert_eq!(is_free(0), [false, true]);
         drop(other);
         assert_eq!((is_free_of(&one, 0), is_free_of(&one, 1)), (true, true));
+    }
+
+    #[test]
+    fn the_connections_of_one_process_drive_each_other_s_motors_and_those_of_nobody_knows_whom_do_not() {
+        let known = Asker::process(1000, Some(7));
+        for (one, other, wanted) in [
+            (known, known, true),
+            (known, Asker::process(1000, Some(8)), false),
+            (known, Asker::process(1001, Some(7)), false),
+            (Asker::process(1000, None), Asker::process(1000, None), false),
+            (Asker::nobody(), Asker::nobody(), false),
+        ] {
+            let (releases, holders) = Default::default();
+            let [holder, other] = [one, other].map(|asker| Hold::new(None, &releases, &holders, asker));
+            ask(&holder, (0, ON, Some(200.0)));
+            assert_eq!(
+                is_free_of(&other, 0),
+                wanted,
+                "{:?} {:?}",
+                holder.asker,
+                other.asker
+            );
+            // What it may drive it does not hold.
+            ask(&other, (0, ON, None));
+            assert_eq!((holder.patience().is_some(), other.patience()), (true, None));
+        }
     }
 
     fn is_free_of(hold: &Hold<'_>, joint: usize) -> bool {
