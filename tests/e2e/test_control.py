@@ -173,6 +173,25 @@ def test_a_refused_request_takes_no_hold_and_one_that_was_let_go_of_none_either(
     servos.close()
 
 
+def test_who_holds_a_motor_that_was_not_confirmed_is_told_so_and_it_is_let_go_with_the_others(folder):
+    servos = Servos("--ids", "1-16")
+    on = {"cmd": "servo", "joint": "joint 5", "torque": True, "pwm_percent": 0}
+    with Daemon(folder / "d", SCENE, tick=TICK, joints=dynamixel(servos.path, allow_writes=True)) as daemon:
+        daemon.wait_status(lambda s: s["joints"]["readings"] > 50, "nothing is read")
+        servos.tell("fault 5 silent")
+        with connect(daemon.control_path) as client:
+            held = "its motor may run, and is held by this connection"
+            for hold, is_held in [({}, False), ({"hold_ms": 10_000}, True)]:
+                refused = ask(client, {**on, **hold})
+                assert not refused["ok"] and (held in refused["error"]) == is_held, refused
+            status, said = servo(daemon, "joint 5", "--torque", "on")
+            assert status == 1 and f"driven by user {os.getuid()}, process {os.getpid()}" in said, said
+        servos.tell("mend 5")
+        eventually(lambda: "torque of joint 5 is off, since who held it is gone" in daemon.log, "it is not let go")
+        assert servos.register(5, *TORQUE) == 0
+    servos.close()
+
+
 CHANGES = [
     {"cmd": "rezero"},
     {"cmd": "pause"},

@@ -93,6 +93,13 @@ impl<'a> Hold<'a> {
         own.map(|held| held.patience).min()
     }
 
+    /// Whether it holds this motor.
+    pub(super) fn holds(&self, joint: usize) -> bool {
+        let held = self.holders.held.borrow();
+        held.iter()
+            .any(|held| held.by == self.number && held.joint == joint)
+    }
+
     /// The client that holds this motor, if it is another one: a program may have several connections.
     fn other_holder(&self, joint: usize) -> Option<Asker> {
         let held = self.holders.held.borrow();

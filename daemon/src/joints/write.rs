@@ -171,7 +171,13 @@ pub(crate) async fn write(
             ))
             .into());
         }
-        return Err(failed(why).into());
+        let held = match request.hold_ms {
+            Some(_) if hold.holds(joint) => {
+                "; its motor may run, and is held by this connection until that lets go or has it switched off"
+            }
+            _ => "",
+        };
+        return Err(failed(format!("{why}{held}")).into());
     }
     let said = match command {
         WriteCommand::Torque(true) | WriteCommand::Start(_) => format!(
