@@ -87,6 +87,9 @@ fn write_header<T: Number>(out: &mut impl Write, shape: &[usize]) -> io::Result<
     out.write_all(&header.to_bytes())
 }
 
+/// An array of more bytes may have 4 GiB in the archive, compressed or not.
+const LARGE: usize = 0xF000_0000;
+
 /// Writes an `.npz`, array by array, of any size. It is put aside until it is complete.
 pub struct NpzWriter<'a> {
     path: &'a Path,
@@ -106,12 +109,10 @@ impl<'a> NpzWriter<'a> {
     }
 
     fn with(path: &'a Path, method: CompressionMethod) -> Self {
-        let options = SimpleFileOptions::default().compression_method(method);
         Self {
             path,
             zip: ZipWriter::new(Aside::beside(path)),
-            // An array may have 4 GiB and more.
-            options: options.large_file(true),
+            options: SimpleFileOptions::default().compression_method(method),
         }
     }
 
@@ -125,7 +126,7 @@ impl<'a> NpzWriter<'a> {
         shape: &[usize],
         numbers: impl IntoIterator<Item = T>,
     ) -> Result<(), RecordError> {
-        self.add_file(name, |zip| write_npy(zip, shape, numbers))
+        self.add_file::<T>(name, shape, |zip| write_npy(zip, shape, numbers))
     }
 
     /// The same of numbers that were put aside.
@@ -135,15 +136,19 @@ impl<'a> NpzWriter<'a> {
         shape: &[usize],
         numbers: &mut Column<T>,
     ) -> Result<(), RecordError> {
-        self.add_file(name, |zip| write_column(zip, shape, numbers))
+        self.add_file::<T>(name, shape, |zip| write_column(zip, shape, numbers))
     }
 
-    fn add_file(
+    fn add_file<T: Number>(
         &mut self,
         name: &str,
+        shape: &[usize],
         write: impl FnOnce(&mut ZipWriter<Aside>) -> io::Result<()>,
     ) -> Result<(), RecordError> {
-        let begun = self.zip.start_file(format!("{name}.npy"), self.options);
+        let bytes = shape.iter().product::<usize>().saturating_mul(size_of::<T>());
+        // Not every reader of zip files knows the sizes of large ones.
+        let options = self.options.large_file(bytes > LARGE);
+        let begun = self.zip.start_file(format!("{name}.npy"), options);
         let written = begun.map_err(io::Error::from).and_then(|()| write(&mut self.zip));
         written.map_err(RecordError::io(self.path))
     }
@@ -228,7 +233,8 @@ mod tests {
         let path = folder.path().join("seq.npz");
         for begin in [NpzWriter::plain, NpzWriter::compressed] {
             let mut npz = begin(&path);
-            npz.add("seq", &[2], [7_u64, 9]).unwrap();
+            npz.add_file::<u64>("seq", &[1 << 29], |zip| write_npy(zip, &[2], [7_u64, 9]))
+                .unwrap();
             npz.finish().unwrap();
             let bytes = std::fs::read(&path).unwrap();
             // The version that is needed to read it, 4.5, and behind the name the extra field of two sizes of 8 bytes.
@@ -237,6 +243,31 @@ mod tests {
             let array = NumberArray::of_npz(&path, "seq").unwrap().unwrap();
             assert_eq!(array.values, [7.0, 9.0]);
         }
+    }
+
+    #[test]
+    fn what_is_smaller_is_read_by_those_who_know_no_large_files() {
+        let folder = tempfile::tempdir().unwrap();
+        let path = folder.path().join("seq.npz");
+        let mut npz = NpzWriter::plain(&path);
+        npz.add("seq", &[2], [7_u64, 9]).unwrap();
+        npz.finish().unwrap();
+        let bytes = std::fs::read(&path).unwrap();
+        let name = "seq.npy".len();
+        let number = |at: usize, of: usize| {
+            bytes[at..][..of]
+                .iter()
+                .rev()
+                .fold(0, |n, b| n << 8 | usize::from(*b))
+        };
+        let array = number(18, 4);
+        let entry = 30 + name + array;
+        // Both sizes, the length of the name, and no extra field; in the index as before the array.
+        assert_eq!((number(22, 4), number(26, 2), number(28, 2)), (array, name, 0));
+        assert_eq!(&bytes[entry..][..4], b"PK\x01\x02");
+        assert_eq!((number(entry + 20, 4), number(entry + 24, 4)), (array, array));
+        assert_eq!((number(entry + 28, 2), number(entry + 30, 2)), (name, 0));
+        assert_eq!(&bytes[entry + 46 + name..][..4], b"PK\x05\x06");
     }
 
     #[test]
