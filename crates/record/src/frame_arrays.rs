@@ -82,7 +82,7 @@ impl FrameArrays {
 
     /// Writes a `.npz`: `counts` `T x N x 3` u16, of images `T x H x W x 3`, `t_ns` u64; where any taxel has no value of the
     /// time of a frame, `without_value` `T x N` bool, true there; and, where there are joints, `joints` `T x J` f32, radians, not a number where unknown.
-    /// [`crate::Recording`] reads it.
+    /// [`crate::Recording`] reads it. There is none left then.
     pub fn write_npz(&mut self) -> Result<(), RecordError> {
         let frames = self.len();
         let each = |len: usize| len / frames.max(1);

@@ -115,7 +115,7 @@ impl ImageStack {
         self.joints.extend(image.joints.iter().copied())
     }
 
-    /// Writes the images alone: `.npy`, `T x H x W` u8.
+    /// Writes the images alone: `.npy`, `T x H x W` u8. Their pixels are there no longer then.
     pub fn write_npy(&mut self) -> Result<(), RecordError> {
         let shape = [self.len(), self.height, self.width];
         let written = File::create(&self.path).and_then(|file| write_column(file, &shape, &mut self.pixels));
@@ -125,7 +125,7 @@ impl ImageStack {
     /// Writes a compressed `.npz`: `images` `T x H x W` u8; `levels` `T x K_D` f64; `actuators` `T
     /// x K_A x 5` f64 (id, x, y, level, force); `seq` and `t_ns` u64; `contacts`, `faulty` and
     /// `missing` u16; where joints were read, `joints` `T x J` f32, radians. Levels and actuators
-    /// that a frame does not have, and unknown angles, are NaN.
+    /// that a frame does not have, and unknown angles, are NaN. There is none left then.
     pub fn write_npz(&mut self) -> Result<(), RecordError> {
         let frames = self.len();
         let mut npz = NpzWriter::compressed(&self.path);

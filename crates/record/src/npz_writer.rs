@@ -3,10 +3,9 @@
 use crate::error::RecordError;
 use crate::npy_header::Header;
 use crate::spool::{Column, spool_beside};
-use std::fs::File;
-use std::io::{self, BufWriter, Seek, SeekFrom, Write};
+use std::fs::{self, File};
+use std::io::{self, BufWriter, Read, Seek, SeekFrom, Write};
 use std::path::Path;
-use tempfile::SpooledTempFile;
 use zip::write::SimpleFileOptions;
 use zip::{CompressionMethod, ZipWriter};
 
@@ -62,7 +61,7 @@ pub fn write_npy<T: Number>(
     out.flush()
 }
 
-/// The same of numbers that were put aside.
+/// The same of numbers that were put aside, which are there no longer then.
 pub(crate) fn write_column<T: Number>(
     mut out: impl Write,
     shape: &[usize],
@@ -75,7 +74,8 @@ pub(crate) fn write_column<T: Number>(
     );
     write_header::<T>(&mut out, shape)?;
     io::copy(numbers.bytes()?, &mut out)?;
-    out.flush()
+    out.flush()?;
+    numbers.clear()
 }
 
 fn write_header<T: Number>(out: &mut impl Write, shape: &[usize]) -> io::Result<()> {
@@ -90,10 +90,10 @@ fn write_header<T: Number>(out: &mut impl Write, shape: &[usize]) -> io::Result<
 /// An array of more bytes may have 4 GiB in the archive, compressed or not.
 const LARGE: usize = 0xF000_0000;
 
-/// Writes an `.npz`, array by array, of any size. It is put aside until it is complete.
+/// Writes an `.npz`, array by array, of any size: over the file that is there, or put aside until it is complete.
 pub struct NpzWriter<'a> {
     path: &'a Path,
-    zip: ZipWriter<Aside>,
+    zip: ZipWriter<Archive>,
     options: SimpleFileOptions,
 }
 
@@ -111,7 +111,7 @@ impl<'a> NpzWriter<'a> {
     fn with(path: &'a Path, method: CompressionMethod) -> Self {
         Self {
             path,
-            zip: ZipWriter::new(Aside::beside(path)),
+            zip: ZipWriter::new(Archive::of(path)),
             options: SimpleFileOptions::default().compression_method(method),
         }
     }
@@ -129,7 +129,7 @@ impl<'a> NpzWriter<'a> {
         self.add_file::<T>(name, shape, |zip| write_npy(zip, shape, numbers))
     }
 
-    /// The same of numbers that were put aside.
+    /// The same of numbers that were put aside, which are there no longer then.
     pub(crate) fn add_column<T: Number>(
         &mut self,
         name: &str,
@@ -143,7 +143,7 @@ impl<'a> NpzWriter<'a> {
         &mut self,
         name: &str,
         shape: &[usize],
-        write: impl FnOnce(&mut ZipWriter<Aside>) -> io::Result<()>,
+        write: impl FnOnce(&mut ZipWriter<Archive>) -> io::Result<()>,
     ) -> Result<(), RecordError> {
         let bytes = shape.iter().product::<usize>().saturating_mul(size_of::<T>());
         // Not every reader of zip files knows the sizes of large ones.
@@ -155,29 +155,49 @@ impl<'a> NpzWriter<'a> {
 
     /// Writes the file.
     pub fn finish(self) -> Result<(), RecordError> {
-        let aside = self.zip.finish().map_err(io::Error::from);
-        let written = aside.and_then(|aside| {
-            let mut spool = aside.spool.into_inner().map_err(io::IntoInnerError::into_error)?;
-            spool.rewind()?;
-            io::copy(&mut spool, &mut File::create(self.path)?)
+        let archive = self.zip.finish().map_err(io::Error::from);
+        let written = archive.and_then(|archive| {
+            let mut bytes = archive
+                .bytes
+                .into_inner()
+                .map_err(io::IntoInnerError::into_error)?;
+            if archive.is_aside {
+                bytes.rewind()?;
+                io::copy(&mut bytes, &mut File::create(self.path)?)?;
+            }
+            Ok(())
         });
-        written.map(drop).map_err(RecordError::io(self.path))
+        written.map_err(RecordError::io(self.path))
     }
 }
 
+trait Storage: Read + Write + Seek + Send {}
+
+impl<S: Read + Write + Seek + Send> Storage for S {}
+
 /// A file on its way. What is written after a failure is nowhere: a writer of zip files that is given up writes its index all
 /// the same, and where that fails, too, says so on stderr by itself, unasked.
-struct Aside {
-    spool: BufWriter<SpooledTempFile>,
+struct Archive {
+    bytes: BufWriter<Box<dyn Storage>>,
+    is_aside: bool,
     at: u64,
     len: u64,
     has_failed: bool,
 }
 
-impl Aside {
-    fn beside(path: &Path) -> Self {
+impl Archive {
+    /// In the file that is there. What cannot be written out of order, such as a pipe, is put aside, and so is a file that is
+    /// not there yet.
+    fn of(path: &Path) -> Self {
+        let is_file = fs::metadata(path).is_ok_and(|file| file.is_file());
+        let file = is_file.then(|| File::options().write(true).truncate(true).open(path));
+        let (bytes, is_aside): (Box<dyn Storage>, bool) = match file {
+            Some(Ok(file)) => (Box::new(file), false),
+            Some(Err(_)) | None => (Box::new(spool_beside(path)), true),
+        };
         Self {
-            spool: BufWriter::with_capacity(1 << 16, spool_beside(path)),
+            bytes: BufWriter::with_capacity(1 << 16, bytes),
+            is_aside,
             at: 0,
             len: 0,
             has_failed: false,
@@ -186,19 +206,19 @@ impl Aside {
 
     fn unless_failed<T>(
         &mut self,
-        act: impl FnOnce(&mut BufWriter<SpooledTempFile>) -> io::Result<T>,
+        act: impl FnOnce(&mut BufWriter<Box<dyn Storage>>) -> io::Result<T>,
         otherwise: T,
     ) -> io::Result<T> {
         match self.has_failed {
             true => Ok(otherwise),
-            false => act(&mut self.spool).inspect_err(|_| self.has_failed = true),
+            false => act(&mut self.bytes).inspect_err(|_| self.has_failed = true),
         }
     }
 }
 
-impl Write for Aside {
+impl Write for Archive {
     fn write(&mut self, bytes: &[u8]) -> io::Result<usize> {
-        let written = self.unless_failed(|spool| spool.write(bytes), bytes.len())?;
+        let written = self.unless_failed(|out| out.write(bytes), bytes.len())?;
         self.at += written as u64;
         self.len = self.len.max(self.at);
         Ok(written)
@@ -209,14 +229,14 @@ impl Write for Aside {
     }
 }
 
-impl Seek for Aside {
+impl Seek for Archive {
     fn seek(&mut self, to: SeekFrom) -> io::Result<u64> {
         let at = match to {
             SeekFrom::Start(at) => at,
             SeekFrom::Current(by) => self.at.saturating_add_signed(by),
             SeekFrom::End(by) => self.len.saturating_add_signed(by),
         };
-        self.at = self.unless_failed(|spool| spool.seek(SeekFrom::Start(at)), at)?;
+        self.at = self.unless_failed(|out| out.seek(SeekFrom::Start(at)), at)?;
         Ok(self.at)
     }
 }
@@ -270,6 +290,25 @@ mod tests {
         assert_eq!(&bytes[entry + 46 + name..][..4], b"PK\x05\x06");
     }
 
+    /// The disk has never more of it than the file and the arrays that are not in it yet.
+    #[test]
+    fn a_file_that_is_there_is_written_at_once_and_what_was_put_aside_for_it_is_gone() {
+        let folder = tempfile::tempdir().unwrap();
+        let path = folder.path().join("seq.npz");
+        fs::write(&path, [1; 100]).unwrap();
+        let numbers = 1 << 18;
+        let mut seq = Column::beside(&path);
+        seq.extend(0..numbers as u64).unwrap();
+        assert!(seq.is_on_disk());
+        let mut npz = NpzWriter::plain(&path);
+        npz.add_column("seq", &[numbers], &mut seq).unwrap();
+        assert_eq!((seq.len(), seq.bytes_aside()), (0, 0));
+        assert!(fs::metadata(&path).unwrap().len() > 8 * numbers as u64);
+        npz.finish().unwrap();
+        let array = NumberArray::of_npz(&path, "seq").unwrap().unwrap();
+        assert!(array.values.into_iter().eq((0..numbers).map(|n| n as f64)));
+    }
+
     #[test]
     fn what_is_given_up_leaves_no_file_and_says_nothing() {
         let folder = tempfile::tempdir().unwrap();
@@ -280,12 +319,12 @@ mod tests {
         npz.zip.write_all(&[1; 100]).unwrap();
         drop(npz);
         assert_eq!(std::fs::read_dir(folder.path()).unwrap().count(), 0);
-        let mut aside = Aside::beside(&path);
+        let mut aside = Archive::of(&path);
         aside.write_all(&[1; 100]).unwrap();
         aside.has_failed = true;
         assert_eq!(aside.write(&[1; 50]).unwrap(), 50);
         assert_eq!(aside.seek(SeekFrom::Current(-1)).unwrap(), 149);
         assert_eq!(aside.seek(SeekFrom::End(0)).unwrap(), 150);
-        assert_eq!(aside.spool.stream_position().unwrap(), 100);
+        assert_eq!(aside.bytes.stream_position().unwrap(), 100);
     }
 }

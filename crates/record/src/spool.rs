@@ -56,6 +56,19 @@ impl<T: Number> Column<T> {
         Ok(self.spool.get_mut())
     }
 
+    /// Gives back what they take of the disk.
+    pub(crate) fn clear(&mut self) -> io::Result<()> {
+        self.spool.rewind()?;
+        self.spool.get_mut().set_len(0)?;
+        self.len = 0;
+        Ok(())
+    }
+
+    #[cfg(test)]
+    pub(crate) fn bytes_aside(&mut self) -> u64 {
+        self.spool.seek(io::SeekFrom::End(0)).unwrap()
+    }
+
     #[cfg(test)]
     pub(crate) fn is_on_disk(&self) -> bool {
         self.spool.get_ref().is_rolled()
