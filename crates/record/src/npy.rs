@@ -239,7 +239,7 @@ impl<R: Read> Array<R> {
         let whole = self
             .element
             .filter(|e| e.bytes == 8 && matches!(e.kind, Kind::Unsigned | Kind::Signed));
-        let (1, Some(element)) = (self.shape().len(), whole) else {
+        let Some(element) = whole else {
             let reason = format!(
                 "times are one u64 or i64 per frame, nanoseconds, not {} of {}",
                 show_shape(self.shape()),

@@ -25,9 +25,10 @@ pub(crate) fn read(path: &Path, options: &ReadOptions) -> Result<Table, RecordEr
         Some(Void::Mask(mask)) => Some(mask),
         _ => None,
     };
-    let time = npz.name_of_times(options.array.as_deref());
+    let times = npz.called_times(options.array.as_deref());
+    let is_time = |name: &String| times.iter().any(|(time, _)| time == name);
     let frames: Vec<&String> = (npz.names.iter())
-        .filter(|n| Some(*n) != time.as_ref() && Some(*n) != mask)
+        .filter(|n| !is_time(n) && Some(*n) != mask)
         .collect();
     let alone: Vec<&String> = (frames.iter().copied())
         .filter(|n| !OF_FRAMES.contains(&n.as_str()))
@@ -41,7 +42,9 @@ pub(crate) fn read(path: &Path, options: &ReadOptions) -> Result<Table, RecordEr
         }
         (None, [only]) => (*only).clone(),
         (None, []) => {
-            let but = time.map_or_else(String::new, |time| format!(" but {time}"));
+            let but = times
+                .first()
+                .map_or_else(String::new, |(time, _)| format!(" but {time}"));
             return Err(unreadable(path, &format!("it holds no array{but}")));
         }
         (None, _) => {
@@ -56,9 +59,11 @@ pub(crate) fn read(path: &Path, options: &ReadOptions) -> Result<Table, RecordEr
     let (at, shape) = (array.at.clone(), array.shape().to_vec());
     let meaning = Meaning::of(&at, &shape, None, options)?;
     let values = array.numbers()?;
-    let times_ns = match time.filter(|time| *time != name && options.rate_hz.is_none()) {
-        Some(time) => npz.times(&time, &name, &shape, meaning)?,
-        None => None,
+    let how_unfit =
+        |(time, length): &&(String, Option<usize>)| (*length != Some(shape[0]), unit_of_name(time).is_none());
+    let times_ns = match times.iter().min_by_key(how_unfit) {
+        Some((time, _)) if options.rate_hz.is_none() => npz.times(time, &name, &shape, meaning)?,
+        _ => None,
     };
     let joints = match name != JOINTS && npz.has(JOINTS) {
         true if npz.belongs(JOINTS, &name, &shape, meaning)? => Some(npz.array(JOINTS)?.numbers()?),
@@ -93,6 +98,16 @@ fn time_of_name(name: &str) -> Option<Option<TimeUnit>> {
         true => Some(None),
         false => time_unit(name).map(Some),
     }
+}
+
+fn unit_of_name(name: &str) -> Option<TimeUnit> {
+    time_of_name(name).flatten()
+}
+
+/// How many numbers an array of one axis has, or of one beside axes of 1.
+fn length(shape: &[usize]) -> Option<usize> {
+    let is_list = !shape.is_empty() && shape.iter().filter(|axis| **axis != 1).count() <= 1;
+    is_list.then(|| shape.iter().product())
 }
 
 fn unreadable(path: &Path, reason: &str) -> RecordError {
@@ -139,15 +154,20 @@ impl<'a> Npz<'a> {
         )
     }
 
-    /// The array that gives the time of each frame: [`TIMES`], or else the first of one dimension that is called so. The one of
-    /// the frames is none.
-    fn name_of_times(&mut self, frames: Option<&str>) -> Option<String> {
-        if self.has(TIMES) {
-            return Some(TIMES.into());
-        }
+    /// The arrays that give the time of each frame, by their names, and their lengths: [`TIMES`] first, whatever its shape. The
+    /// one of the frames is none.
+    fn called_times(&mut self, frames: Option<&str>) -> Vec<(String, Option<usize>)> {
         let names = self.names.clone().into_iter();
-        let mut named = names.filter(|name| Some(name.as_str()) != frames && time_of_name(name).is_some());
-        named.find(|name| self.array(name).is_ok_and(|array| array.shape().len() == 1))
+        let mut times: Vec<_> = names
+            .filter(|name| Some(name.as_str()) != frames && time_of_name(name).is_some())
+            .map(|name| {
+                let length = self.array(&name).ok().and_then(|array| length(array.shape()));
+                (name, length)
+            })
+            .filter(|(name, length)| name == TIMES || length.is_some())
+            .collect();
+        times.sort_by_key(|(name, _)| name != TIMES);
+        times
     }
 
     /// The times of the frames of the array `name`, nanoseconds, where they are of that array.
@@ -158,9 +178,9 @@ impl<'a> Npz<'a> {
         shape: &[usize],
         meaning: Meaning,
     ) -> Result<Option<Vec<u64>>, RecordError> {
-        let Some(unit) = time_of_name(time).flatten() else {
+        let Some(unit) = unit_of_name(time) else {
             let array = self.array(time)?;
-            return match array.shape() == [shape[0]] {
+            return match length(array.shape()) == Some(shape[0]) {
                 true => Err(RecordError::unfit(
                     &array.at,
                     "is not read, since its name says no unit: call it t_s, t_ms, t_us or t_ns; --rate HZ ignores it",
@@ -203,14 +223,19 @@ impl<'a> Npz<'a> {
         let fits = match each {
             JOINTS => found.len() == 2 && found[0] == shape[0],
             WITHOUT_VALUE => found == [shape[0], meaning.taxels],
-            _ => found == [shape[0]],
+            _ => length(&found) == Some(shape[0]),
         };
         if fits {
             return Ok(true);
         }
+        let frames = match each {
+            JOINTS | WITHOUT_VALUE => found.first().copied(),
+            _ => length(&found).or(found.first().copied()),
+        };
         for other in self.names.clone() {
-            let is_frames = other != name && other != each && !OF_FRAMES.contains(&other.as_str());
-            if is_frames && !found.is_empty() && self.array(&other)?.shape().first() == found.first() {
+            let is_of_frames = OF_FRAMES.contains(&other.as_str()) || time_of_name(&other).is_some();
+            let is_frames = other != name && other != each && !is_of_frames;
+            if is_frames && frames.is_some() && self.array(&other)?.shape().first() == frames.as_ref() {
                 return Ok(false);
             }
         }

@@ -116,6 +116,63 @@ fn times_are_read_in_the_unit_that_their_name_says_and_refused_without_one() {
 }
 
 #[test]
+fn of_several_arrays_called_times_one_with_a_unit_and_of_the_frames_gives_them() {
+    let dir = TempDir::new().unwrap();
+    let path = dir.path().join("a.npz");
+    let read = |array: &str, times: &[(&str, &[usize], f64)]| {
+        let mut writer = NpzWriter::new(File::create(&path).unwrap());
+        for (name, frames) in [("a", 4), ("b", 2)] {
+            writer
+                .add_array(name, &Array3::<u16>::zeros((frames, 16, 3)))
+                .unwrap();
+        }
+        for (name, shape, step) in times {
+            let steps = (0..shape.iter().product()).map(|n| n as f64 * step).collect();
+            let times = ndarray::ArrayD::from_shape_vec(*shape, steps).unwrap();
+            writer.add_array(*name, &times).unwrap();
+        }
+        writer.finish().unwrap();
+        let options = ReadOptions {
+            array: Some(array.into()),
+            ..Default::default()
+        };
+        let read = Recording::open(&path, &options).map_err(|error| error.to_string())?;
+        Ok::<_, String>(read.has_times().then(|| read.t_ns(1)))
+    };
+    let s = 1_000_000_000;
+    for (array, times, second) in [
+        ("a", &[("time", &[4][..], 1.0), ("t_ms", &[4], 2000.0)][..], 2 * s),
+        ("b", &[("t_s", &[4], 1.0), ("time_s", &[2], 2.0)], 2 * s),
+        ("a", &[("t_s", &[4], 1.0), ("time_s", &[2], 2.0)], s),
+        ("a", &[("t_s", &[4, 1], 1.0)], s),
+        ("a", &[("t_s", &[1, 4], 1.0)], s),
+    ] {
+        assert_eq!(read(array, times), Ok(Some(second)), "{times:?}");
+    }
+    for (times, wanted) in [
+        (
+            &[("t_s", &[4][..], 1.0), ("time", &[2], 1.0)][..],
+            "[time] is not read",
+        ),
+        (&[("time", &[2, 1], 1.0)], "[time] is not read"),
+        (
+            &[("time", &[3], 1.0), ("t_s", &[1, 3], 1.0)],
+            "[t_s] has shape 1 x 3; expected 2",
+        ),
+    ] {
+        let message = read("b", times).unwrap_err();
+        assert!(message.contains(wanted), "{message}");
+    }
+    assert_eq!(read("b", &[("t_s", &[1, 4], 1.0)]), Ok(None));
+    let mut writer = NpzWriter::new(File::create(&path).unwrap());
+    writer.add_array("a", &Array2::<f32>::zeros((2, 5))).unwrap();
+    writer.add_array("t_s", &Array1::<f64>::zeros(2)).unwrap();
+    writer.add_array("t_ns", &Array2::<i64>::ones((2, 1))).unwrap();
+    writer.finish().unwrap();
+    assert_eq!(open(&path).unwrap().t_ns(1), 1);
+}
+
+#[test]
 fn times_and_joints_of_no_array_of_the_npz_are_refused() {
     let dir = TempDir::new().unwrap();
     let path = dir.path().join("short.npz");
