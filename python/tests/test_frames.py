@@ -65,6 +65,20 @@ def test_a_table_that_another_program_saved_anew_is_the_same_frames(tmp_path):
     check(taxel.load_frames(tmp_path / "a.csv"), np.zeros((2, 0), np.float32))
 
 
+def test_cells_in_quotes_are_what_is_in_the_quotes(tmp_path):
+    lines = [f"{HEADER},J0", '0,,,,3,4,5,0.25', f"{TIMES[1]},6,7,8,9,10,11,-1.5"]
+    quoted = "\n".join(",".join(f'"{cell}"' for cell in line.split(",")) for line in lines)
+    (tmp_path / "a.csv").write_text(quoted)
+    frames = taxel.load_frames(tmp_path / "a.csv")
+    assert frames.t_ns.tolist() == [0, TIMES[1]]
+    assert frames.counts.tolist() == [[[0, 0, 0], [3, 4, 5]], [[6, 7, 8], [9, 10, 11]]]
+    assert frames.without_value.tolist() == [[True, False], [False, False]]
+    assert frames.joints.tolist() == [[0.25], [-1.5]]
+    (tmp_path / "a.csv").write_text(HEADER + '\n0,"1,5",2,3,4,5,6\n')
+    with pytest.raises(ValueError, match="a.csv: no frames as"):
+        taxel.load_frames(tmp_path / "a.csv")
+
+
 def test_what_makes_frames_is_advised_where_it_does(tmp_path):
     for name, advised in [("a.mcap", True), ("a.log", True), ("a.parquet", False), ("a.csv.gz", False)]:
         with pytest.raises(ValueError, match="frames are read from .npz and .csv") as error:

@@ -35,7 +35,7 @@ class Frames:
 
 def load_frames(path: Path) -> Frames:
     """Reads the frames of a .npz or .csv of `taxel convert`, also a .csv that a table program saved anew: with a byte order
-    mark, names in quotes, times as 0.0.
+    mark, names or all cells in quotes, times as 0.0.
 
     Raises OSError, and ValueError with the file for what is no such file.
     """
@@ -68,6 +68,9 @@ def _npz(file: Any) -> Frames:
     return Frames(counts, t_ns, joints, without != 0)
 
 
+_QUOTED_CELL = re.compile(rb'"([^",]*)"')
+
+
 _EMPTY_CELL = re.compile(rb",(?=[,\r\n]|$)")
 
 
@@ -93,7 +96,7 @@ def _csv(file: Any) -> Frames:
         if count == 0 or len(t_ns) == 0:
             return np.zeros((len(t_ns), count), np.float32)
         file.seek(begin)
-        lines = (_EMPTY_CELL.sub(b",nan", line) for line in file)
+        lines = (_EMPTY_CELL.sub(b",nan", _QUOTED_CELL.sub(rb"\1", line)) for line in file)
         return np.loadtxt(lines, np.float32, delimiter=",", usecols=range(first, first + count), ndmin=2)
 
     values = columns(1, len(readings)).reshape(len(t_ns), len(readings) // 3, 3)
