@@ -29,12 +29,13 @@ pub struct Labelled {
 impl Labelled {
     /// Reads the array `frames` (or the one named) of a `.npz`, with the array `labels`, T whole numbers.
     /// Without labels the first two axes are class and trial, and a third before height and width is the
-    /// moment, of which the first is taken; whole numbers whose last axis is 3 are counts, and none of that.
+    /// moment, of which the first is taken; whole numbers of four axes whose last is 3 are counts, and none of that, unless
+    /// they are images of the height and width that are told.
     ///
     /// # Errors
     ///
     /// Any [`RecordError`], with the file and the array.
-    pub fn open(path: &Path, array: Option<&str>) -> Result<Self, RecordError> {
+    pub fn open(path: &Path, array: Option<&str>, image: Option<[usize; 2]>) -> Result<Self, RecordError> {
         let mut npz = Npz::open(path)?;
         let array = array.unwrap_or(FRAMES);
         if !npz.has(array) {
@@ -49,9 +50,12 @@ impl Labelled {
         let are_counts = frames.has_whole_numbers();
         let values = frames.numbers()?;
         let labels = npz.has(LABELS).then(|| labels(npz.array(LABELS)?)).transpose()?;
-        if labels.is_none() && are_counts && shape.last() == Some(&3) {
+        if let (&[_, _, height, 3], None, true) = (&shape[..], &labels, are_counts)
+            && image != Some([height, 3])
+        {
             let reason = format!(
-                "{shape:?} whole numbers are x y z counts of each taxel, and nothing says what was touched; expected {EXPECTED}"
+                "{shape:?} whole numbers are x y z counts of each taxel, and nothing says what was touched; expected \
+                 {EXPECTED}; --layout grid:{height}x3 says that they are class x trial x {height} x 3"
             );
             return Err(RecordError::unreadable(at, reason));
         }
@@ -184,15 +188,23 @@ mod tests {
         let mut npz = ndarray_npy::NpzWriter::new(std::fs::File::create(&path).unwrap());
         npz.add_array("frames", &ndarray::Array4::<u16>::ones((20, 4, 2, 3)))
             .unwrap();
+        npz.add_array("moments", &ndarray::Array5::<u16>::ones((5, 4, 2, 2, 3)))
+            .unwrap();
         npz.add_array("forces", &ndarray::Array4::<f64>::ones((20, 4, 2, 3)))
             .unwrap();
         npz.finish().unwrap();
-        let message = Labelled::open(&path, None).unwrap_err().to_string();
+        let message = Labelled::open(&path, None, None).unwrap_err().to_string();
         assert!(
             message.contains("[20, 4, 2, 3] whole numbers are x y z counts") && message.contains("`labels`"),
             "{message}"
         );
-        assert_eq!(Labelled::open(&path, Some("forces")).unwrap().trials, Some(4));
+        assert!(message.contains("--layout grid:2x3 says"), "{message}");
+        let open = |array, image| Labelled::open(&path, Some(array), image);
+        assert_eq!(open("forces", None).unwrap().trials, Some(4));
+        let image = open("frames", Some([2, 3])).unwrap();
+        assert_eq!((image.trials, image.image_shape), (Some(4), Some((2, 3))));
+        assert!(open("frames", Some([3, 2])).is_err());
+        assert_eq!(open("moments", None).unwrap().image_shape, Some((2, 3)));
     }
 
     #[test]
@@ -204,8 +216,10 @@ mod tests {
             .unwrap();
         npz.add_array("labels", &ndarray::arr1(&[4_i64, 9])).unwrap();
         npz.finish().unwrap();
-        assert_eq!(Labelled::open(&path, None).unwrap().labels, [4, 9]);
-        let missing = Labelled::open(&path, Some("other")).unwrap_err().to_string();
+        assert_eq!(Labelled::open(&path, None, None).unwrap().labels, [4, 9]);
+        let missing = Labelled::open(&path, Some("other"), None)
+            .unwrap_err()
+            .to_string();
         assert!(
             missing.contains("\"other\"") && missing.contains("labels"),
             "{missing}"

@@ -75,8 +75,12 @@ struct Asked {
 fn asked(args: &Args) -> anyhow::Result<Asked> {
     let what = format!("{}, frames with labels", args.offline.input.path.display());
     args.offline.input.refuse_file_options_but("--array", &what)?;
-    let labelled = Labelled::open(&args.offline.input.path, args.offline.input.array())?;
-    let config = match (args.offline.input.named_layout()?, labelled.image_shape) {
+    let layout = args.offline.input.named_layout()?;
+    let image = layout
+        .as_ref()
+        .map(|layout| [layout.height, layout.width].map(usize::from));
+    let labelled = Labelled::open(&args.offline.input.path, args.offline.input.array(), image)?;
+    let config = match (layout, labelled.image_shape) {
         (None, Some((height, width))) => {
             let size =
                 |n: usize| u16::try_from(n).with_context(|| format!("{}: {height} x {width}", labelled.name));

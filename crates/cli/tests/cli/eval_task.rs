@@ -149,7 +149,11 @@ fn counts_are_no_trials_and_it_is_said_what_a_file_is_taken_for() {
         false => 1.0,
     };
     write("trials.npz", &Array4::from_shape_fn((2, 4, 4, 4), pressed));
+    write("narrow.npz", &Array4::from_shape_fn((2, 4, 8, 3), pressed));
     let task = ["--task", "--method", "paper"];
+    let narrow = ["eval", "narrow.npz", "--layout", "grid:8x3"];
+    let (_, err) = succeeds(&dir, &[&narrow[..], &task[..]].concat());
+    assert!(err.contains("taken for 2 classes of 4 trials"), "{err}");
     let (_, err) = succeeds(&dir, &[&["eval", "trials.npz"], &task[..]].concat());
     assert!(err.contains("taken for 2 classes of 4 trials"), "{err}");
     objects(&dir.path().join("objects.npz"));
