@@ -2,7 +2,7 @@
 
 use crate::error::RecordError;
 use crate::npy_header::Header;
-use crate::spool::{Column, spool_beside};
+use crate::spool::{Column, Spool};
 use std::fs::{self, File};
 use std::io::{self, BufWriter, Read, Seek, SeekFrom, Write};
 use std::path::Path;
@@ -193,7 +193,7 @@ impl Archive {
         let file = is_file.then(|| File::options().write(true).truncate(true).open(path));
         let (bytes, is_aside): (Box<dyn Storage>, bool) = match file {
             Some(Ok(file)) => (Box::new(file), false),
-            Some(Err(_)) | None => (Box::new(spool_beside(path)), true),
+            Some(Err(_)) | None => (Box::new(Spool::beside(path)), true),
         };
         Self {
             bytes: BufWriter::with_capacity(1 << 16, bytes),
