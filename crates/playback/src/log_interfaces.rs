@@ -81,7 +81,7 @@ pub fn interfaces_of_buses(
             layout.buses.first().map_or("BUS", String::as_str),
         );
     }
-    survey.tell_pairs_against_boards(&chosen, pairs);
+    survey.tell_chosen_against_boards(&chosen);
     survey.refuse_other_hands(&chosen)?;
     survey.tell_doubled(&chosen);
     survey.tell_left_out(&chosen, joints);
@@ -220,22 +220,22 @@ impl Survey<'_> {
         boards
     }
 
-    /// Says where the command line names interfaces otherwise than their boards do.
-    fn tell_pairs_against_boards(&self, chosen: &[Option<usize>], pairs: &[(String, String)]) {
+    /// Says where interfaces go by their names or by the command line otherwise than by their boards.
+    fn tell_chosen_against_boards(&self, chosen: &[Option<usize>]) {
         let mut carrying: Vec<usize> = (0..self.heard.len())
             .filter(|place| self.heard[*place].carries_boards())
             .collect();
         carrying.sort_by_key(|place| &self.heard[*place].name);
         let bus_of = |place: &usize| chosen.iter().position(|chosen| *chosen == Some(*place));
-        let Some(taken) = carrying.iter().map(bus_of).collect::<Option<Vec<usize>>>() else {
-            return;
-        };
+        let taken: Vec<Option<usize>> = carrying.iter().map(bus_of).collect();
         let all: Vec<usize> = (0..chosen.len()).collect();
-        let boards = self.boards_of_buses();
+        // As many of each: boards that are silent on the bus of the name do not speak for one that has fewer.
+        let boards = vec![self.layout.boards().count(); chosen.len()];
         let best = Orders::of(&carrying, &all, &|place, bus| {
             self.heard[place].misfit(bus, &boards)
         });
-        if let Some(order) = best.only().filter(|order| !pairs.is_empty() && *order != taken) {
+        let is_taken = |order: &&[usize]| order.iter().copied().map(Some).eq(taken.iter().copied());
+        if let Some(order) = best.only().filter(|order| !is_taken(order)) {
             eprintln!(
                 "taxel: {}: the boards that the interfaces carry speak for {}",
                 self.path.display(),

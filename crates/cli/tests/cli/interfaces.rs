@@ -123,6 +123,19 @@ fn an_option_that_speaks_against_the_boards_is_told_with_what_they_say() {
     assert!(compress(&swapped).contains(said));
     let right = compress(&["--interface", "vcan1=can1", "--interface", "vcan0=can0"]);
     assert!(!right.contains("speak for"), "{right}");
+    log_with(&dir, "named.log", &[("can0", "can1"), ("can1", "can0")]);
+    let said = "the boards that the interfaces carry speak for --interface can0=can1 --interface can1=can0\n";
+    assert!(compress(&[]).contains(said));
+    log_with(&dir, "named.log", &[]);
+    assert!(!compress(&[]).contains("speak for"));
+    let log = std::fs::read_to_string(dir.path().join("named.log")).unwrap();
+    let is_of_first = |line: &&str| line.contains(" can0 0");
+    let few: Vec<&str> = log.lines().filter(is_of_first).collect();
+    std::fs::write(dir.path().join("few.log"), few.join("\n")).unwrap();
+    let (_, few) = succeeds(&dir, &["compress", "few.log", "--out", "o.bin"]);
+    assert!(!few.contains("speak for"), "{few}");
+    let said = "the boards that the interfaces carry speak for --interface can0=can0 --interface can1=can1\n";
+    assert!(compress(&["--interface", "can0=can1"]).contains(said));
 }
 
 #[test]
