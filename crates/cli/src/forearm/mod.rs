@@ -297,6 +297,16 @@ fn says_enough(estimate: &Estimate, samples: usize) -> anyhow::Result<()> {
     Ok(())
 }
 
+/// Why an estimate is made without these.
+fn why(left_out: &[&str]) -> &'static str {
+    let touch = left_out.contains(&"touch");
+    match (touch, left_out.len()) {
+        (false, _) => "lost, stuck, jumps, or contradicted",
+        (true, 1) => "unlike that of the training, or contradicted",
+        (true, _) => "lost, stuck, jumps, unlike that of the training, or contradicted",
+    }
+}
+
 fn line(
     text: &mut String,
     file: &str,
@@ -327,11 +337,7 @@ fn line(
         )?;
         let left_out: Vec<_> = estimate.left_out.names().collect();
         if !left_out.is_empty() {
-            write!(
-                text,
-                "; without {}: lost, stuck, jumps, or contradicted",
-                left_out.join(" and ")
-            )?;
+            write!(text, "; without {}: {}", left_out.join(" and "), why(&left_out))?;
         }
         match estimate.phase {
             phase if phase < WHOLE => {
@@ -353,4 +359,23 @@ fn session(path: &Path) -> anyhow::Result<Session> {
         path.display()
     );
     Ok(session)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn touch_is_left_out_for_what_it_is_and_not_as_lost() {
+        for (left_out, wanted) in [
+            (&["touch"][..], "unlike that of the training, or contradicted"),
+            (&["theta_p of finger 0"], "lost, stuck, jumps, or contradicted"),
+            (
+                &["theta_p of finger 0", "touch"],
+                "lost, stuck, jumps, unlike that of the training, or contradicted",
+            ),
+        ] {
+            assert_eq!(why(left_out), wanted);
+        }
+    }
 }
