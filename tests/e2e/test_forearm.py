@@ -95,7 +95,7 @@ def test_a_squeeze_is_recorded_as_the_publication_s_files_are(folder, servos):
         process = record(daemon, *ONE, "--allow-motion", "--ramp", "article", "--max-pwm", 92)
         assert "begun with ramp data" in process.communicate(timeout=60)[1] and process.returncode == 1
         process = record(daemon, *ONE, "--allow-motion", "--ramp", "article")
-        assert "allow it with --max-pwm 92" in process.communicate(timeout=60)[1] and process.returncode == 1
+        assert "allow it with --max-pwm 92" in process.communicate(timeout=60)[1] and process.returncode == 2
 
 
 @pytest.mark.parametrize("how", [signal.SIGKILL, signal.SIGINT])
