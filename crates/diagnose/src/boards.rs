@@ -4,7 +4,7 @@ use crate::array;
 use crate::kind::Kind;
 use crate::malformed;
 use crate::names::{is_of_board, modules_name};
-use crate::problem::{Place, Problem};
+use crate::problem::{Place, Problem, of_board};
 use crate::traffic::{hub_speaks, speaks_on};
 use crate::view::{Look, Starting};
 use std::collections::VecDeque;
@@ -286,27 +286,6 @@ fn what_is_done(starting: Starting) -> &'static str {
         Starting::NotAllowed => {
             "Nothing was sent on this bus (a recording, --listen-only, or others speak there): its boards may wait for a start command"
         }
-    }
-}
-
-/// The place of the board of a module: a hub is one board.
-pub(crate) fn place_of_board(layout: &Layout, module: usize) -> Place {
-    (layout.wiring[module].hub).map_or(Place::Module(module), Place::Hub)
-}
-
-/// A problem of these modules of one board.
-pub(crate) fn of_board(
-    layout: &Layout,
-    kind: Kind,
-    modules: Vec<usize>,
-    found: String,
-    advice: String,
-    over: String,
-) -> Problem {
-    let place = place_of_board(layout, modules[0]);
-    Problem {
-        modules,
-        ..Problem::new(kind, place, found, advice, over)
     }
 }
 

@@ -1,9 +1,8 @@
 //! Boards whose frames come and cannot be read: of another protocol than the layout says, or of another firmware.
 
-use crate::boards::{of_board, place_of_board};
 use crate::kind::Kind;
 use crate::names::{is_of_board, modules_name};
-use crate::problem::{Place, Problem};
+use crate::problem::{Place, Problem, of_board, place_of_board};
 use crate::view::Look;
 
 /// How many of a board are worth a sentence, within the time looked at, and as which share (one in so many) of these and its

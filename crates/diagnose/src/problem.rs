@@ -100,3 +100,24 @@ impl Problem {
         }
     }
 }
+
+/// The place of the board of a module: a hub is one board.
+pub(crate) fn place_of_board(layout: &Layout, module: usize) -> Place {
+    (layout.wiring[module].hub).map_or(Place::Module(module), Place::Hub)
+}
+
+/// A problem of these modules of one board.
+pub(crate) fn of_board(
+    layout: &Layout,
+    kind: Kind,
+    modules: Vec<usize>,
+    found: String,
+    advice: String,
+    over: String,
+) -> Problem {
+    let place = place_of_board(layout, modules[0]);
+    Problem {
+        modules,
+        ..Problem::new(kind, place, found, advice, over)
+    }
+}
