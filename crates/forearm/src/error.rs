@@ -1,6 +1,6 @@
 //! Why a squeeze cannot be read, or a place not be estimated.
 
-use crate::estimate::LeftOut;
+use crate::left_out::LeftOut;
 use crate::mat::TornMat;
 use std::io;
 use std::path::PathBuf;

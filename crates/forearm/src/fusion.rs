@@ -1,8 +1,9 @@
 //! Angles and touch together.
 
 use crate::error::ForearmError::{self, Angle, Lost, Still, Unlike};
-use crate::estimate::{Estimate, Estimator, LeftOut, Seen, Source};
+use crate::estimate::{Estimate, Estimator, Seen, Source};
 use crate::kinesthetic::Kinesthetic;
+use crate::left_out::LeftOut;
 use crate::session::Trial;
 use crate::squeeze::Squeeze;
 use crate::tactile::Tactile;
@@ -144,7 +145,7 @@ impl Estimator for Fused {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::estimate::ANGLES;
+    use crate::left_out::ANGLES;
 
     fn estimate(percent: f64, half_width_90: f64, source: Source) -> Result<Estimate, ForearmError> {
         Ok(Estimate {

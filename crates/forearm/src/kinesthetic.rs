@@ -9,7 +9,8 @@ use self::angles::{
 use self::training::Training;
 use crate::domain::Domain;
 use crate::error::ForearmError;
-use crate::estimate::{ANGLES, Estimate, Estimator, LeftOut, Source};
+use crate::estimate::{Estimate, Estimator, Source};
+use crate::left_out::{ANGLES, LeftOut};
 use crate::phase::{Course, PHASES};
 use crate::profile::{Profile, WHOLE};
 use crate::regression::{Regression, Tried, try_all};

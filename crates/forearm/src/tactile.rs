@@ -1,7 +1,8 @@
 //! Where a gripper holds, from the tactile images of its third finger.
 
 use crate::error::ForearmError;
-use crate::estimate::{Estimate, Estimator, LeftOut, Seen, Source};
+use crate::estimate::{Estimate, Estimator, Seen, Source};
+use crate::left_out::LeftOut;
 use crate::likeness::Likeness;
 use crate::phase::{Course, PHASES};
 use crate::profile::{Profile, places, within};

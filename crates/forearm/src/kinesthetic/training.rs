@@ -2,7 +2,7 @@
 
 use super::angles::{LEAST_MOVED, MOTORS, READINGS, STUCK_DEG, angle, columns_of, covers, range, without};
 use crate::error::ForearmError;
-use crate::estimate::ANGLES;
+use crate::left_out::ANGLES;
 use crate::phase::PHASES;
 use crate::profile::{Profile, places, within};
 use crate::regression::Rows;
