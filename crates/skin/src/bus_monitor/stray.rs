@@ -75,14 +75,11 @@ pub(super) fn ids_of(protocol: Protocol, address: u8, k: &[u16]) -> Vec<u16> {
 /// standard id, by bus.
 pub(super) fn strays(layout: &Layout, owners: &[&[u16; 0x800]]) -> Vec<Stray> {
     let mut strays: Vec<Stray> = Vec::new();
+    let kinds = kinds(layout);
     for (bus, owners) in (0u8..).zip(owners) {
-        for (_, module, like) in layout.boards() {
-            let protocol = like.protocol;
-            if protocol.addresses().len() < 2 {
-                continue;
-            }
+        for &(protocol, k) in &kinds {
             for address in protocol.addresses() {
-                let ids = ids_of(protocol, address, layout.k_of(module));
+                let ids = ids_of(protocol, address, k);
                 let known = |id: &u16| owners[usize::from(*id)] != NOBODY;
                 let there = strays
                     .iter()
@@ -108,6 +105,19 @@ pub(super) fn strays(layout: &Layout, owners: &[&[u16; 0x800]]) -> Vec<Stray> {
         strays.extend(stray_hubs(layout, bus));
     }
     strays
+}
+
+/// The kinds of modules whose boards have numbers: protocol and taxel numbers, each once, as a hand has a thousand modules
+/// of few kinds.
+fn kinds(layout: &Layout) -> Vec<(Protocol, &[u16])> {
+    let mut kinds = Vec::new();
+    for (_, module, wiring) in layout.boards() {
+        let kind = (wiring.protocol, layout.k_of(module));
+        if kind.0.addresses().len() >= 2 && !kinds.contains(&kind) {
+            kinds.push(kind);
+        }
+    }
+    kinds
 }
 
 /// The hubs of other buses, whose address no hub of this bus has.
