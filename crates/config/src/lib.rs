@@ -259,13 +259,13 @@ impl Config {
     /// The same for what is recorded already, which has no bus to be read: the file may do without any `[[bus]]`.
     pub fn load_for_recordings(path: &Path) -> Result<Self, ConfigError> {
         let name = path.display().to_string();
-        Self::parse_with(&text_of(path)?, &name, |name| layout_beside(path, name), false)
+        Self::parse_with(&text_of(path)?, &name, &|name| layout_beside(path, name), false)
     }
 
     /// Checks the text of a configuration file; `path` is only for messages and for finding a layout file.
     pub fn parse(text: &str, path: &Path) -> Result<Self, ConfigError> {
         let name = path.display().to_string();
-        Self::parse_for(text, &name, |name| layout_beside(path, name))
+        Self::parse_for(text, &name, &|name| layout_beside(path, name))
     }
 
     /// Checks the text of a configuration that stands in no folder; `file` is what it is called in messages, and
@@ -273,7 +273,7 @@ impl Config {
     pub fn parse_for(
         text: &str,
         file: &str,
-        layout_of: impl FnOnce(&str) -> Result<Layout, LayoutError>,
+        layout_of: &dyn Fn(&str) -> Result<Layout, LayoutError>,
     ) -> Result<Self, ConfigError> {
         Self::parse_with(text, file, layout_of, true)
     }
@@ -281,7 +281,7 @@ impl Config {
     fn parse_with(
         text: &str,
         file: &str,
-        layout_of: impl FnOnce(&str) -> Result<Layout, LayoutError>,
+        layout_of: &dyn Fn(&str) -> Result<Layout, LayoutError>,
         needs_buses: bool,
     ) -> Result<Self, ConfigError> {
         let file = &File { text, name: file };

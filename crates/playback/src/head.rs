@@ -92,7 +92,7 @@ impl Head {
     pub fn config(&self) -> anyhow::Result<Option<Config>> {
         let path = self.path.display();
         let parsed = self.config.as_ref().map(|text| {
-            Config::parse_for(text, &format!("{path}: {CONFIG} in it"), |name| {
+            Config::parse_for(text, &format!("{path}: {CONFIG} in it"), &|name| {
                 self.hand_of(name)
             })
         });
