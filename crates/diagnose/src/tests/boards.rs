@@ -241,6 +241,53 @@ fn a_board_whose_frames_cannot_be_read_is_told_so_and_not_as_silent() {
     assert!(sentence(bench.said.last().unwrap()).contains("its frames can be read"));
 }
 
+#[test]
+fn a_board_that_dies_beside_a_few_frames_of_somebody_else_is_silent_and_not_unread() {
+    // A few of a board's frames a second; a burst of them makes a board unread before it dies.
+    for burst in [false, true] {
+        let mut bench = Bench::new();
+        let mut looks = 0;
+        let mut few = |s: &mut Known, state| {
+            looks += 1;
+            unread(s, 3, looks % 2, state);
+        };
+        bench.pass(1000, |s| {
+            few(s, BoardState::Streaming);
+            s.boards[3].period_ns = Some(20 * MS);
+            s.boards[3].used += 80;
+            s.boards[3].malformed += if burst { 80 } else { 0 };
+        });
+        assert_eq!(bench.kinds(), &["board-malformed"][..usize::from(burst)]);
+        bench.pass(2000, |s| few(s, BoardState::Silent));
+        assert_eq!(bench.kinds(), ["board-silent"], "{burst}");
+    }
+}
+
+#[test]
+fn a_bus_on_which_about_a_fifth_of_all_frames_is_damaged_is_told_of_once_and_not_as_of_another_protocol() {
+    let mut bench = Bench::new();
+    let mut looks = 0;
+    bench.pass(5000, |s| {
+        looks += 1;
+        for m in 0..8 {
+            // Some boards are above a fifth at each look, and others below it.
+            let damaged = 10 + (7 * m as u64 + looks / 8) % 10;
+            unread(s, m, damaged, BoardState::Streaming);
+            s.boards[m].used += 80 - damaged;
+        }
+    });
+    let said: Vec<_> = bench.said.iter().map(sentence).collect();
+    assert_eq!(said.len(), 1, "{said:#?}");
+    assert!(
+        said[0].starts_with("can0: ") && said[0].contains(" % of what comes"),
+        "{said:?}"
+    );
+    assert!(
+        said[0].contains("termination") && !said[0].contains("`protocol`"),
+        "{said:?}"
+    );
+}
+
 /// A board sends frames that cannot be read.
 fn unread(known: &mut Known, module: usize, frames: u64, state: BoardState) {
     known.boards[module].malformed += frames;
