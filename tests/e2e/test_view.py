@@ -10,6 +10,7 @@ import termios
 
 import pyte
 import pytest
+from harness.bus import GROUP, free_udp_port
 from harness.daemon import binary, die_with_parent, eventually
 
 
@@ -106,6 +107,29 @@ def test_a_key_records_into_a_file_named_by_the_time_and_ends_it(start, folder):
         [binary("taxel"), "convert", file.name, "frames.npz"], cwd=folder, capture_output=True, text=True, timeout=30
     )
     assert made.returncode == 0 and "frames" in made.stderr, made.stderr
+
+
+def test_what_is_recorded_goes_on_in_another_file_of_the_buses_that_the_next_daemon_reads(start, folder):
+    ports = [free_udp_port() for _ in range(2)]
+    daemon = start([f"udp:{GROUP}:{ports[0]}?hops=0"], layout="uskin-module")
+    terminal = Terminal(folder, "view", "--socket", daemon.images)
+    try:
+        terminal.wait_for("uskin-module")
+        terminal.press("r")
+        (first,) = eventually(lambda: list(folder.glob("taxel-*.mcap")), "no file is made")
+        assert daemon.stop() == 0
+        daemon.config.write_text(daemon.config.read_text().replace(str(ports[0]), str(ports[1])))
+        daemon.start()
+        second = first.with_name(f"{first.stem}-0001.mcap")
+        eventually(second.exists, "no other file is begun")
+        terminal.press("r")
+        terminal.wait_for("images and")
+        terminal.press("q")
+        assert terminal.process.wait(10) == 0
+    finally:
+        terminal.process.kill()
+        os.close(terminal.keys)
+    assert sorted(folder.glob("*.mcap")) == [second, first]
 
 
 def test_what_is_wrong_with_a_recording_is_said_in_the_picture_and_printed_behind_it(folder):

@@ -25,7 +25,7 @@ use taxel_can::SourceAddress;
 use taxel_playback::head::is_here;
 use taxel_playback::interrupt::Interrupt;
 use taxel_record::FileKind;
-use taxel_recorder::{Around, CanInput, Plan, Signals, Split};
+use taxel_recorder::{Around, CanInput, Described, Plan, Signals, Split};
 use taxel_skin::Layout;
 use taxel_wire::Hello;
 use taxel_wire::status::{BusStatus, Status};
@@ -368,13 +368,29 @@ pub(crate) fn plan_of_daemon(socket: &Path, out: PathBuf) -> anyhow::Result<Plan
     Ok(Plan {
         out,
         socket: Some(socket.into()),
-        can: buses_of_daemon(&status_of_daemon(&socket.with_file_name("status.sock"))?),
+        can: buses_beside(socket)?,
         split: Split::default(),
         around: None,
         mark_triggers: false,
         duration: None,
         preamble: preamble(None)?,
     })
+}
+
+/// What such a recording goes on with where another daemon is connected to; as before where that does not say.
+pub(crate) fn described_by_status(socket: &Path, plan: &Plan) -> Option<Described> {
+    Some(Described {
+        preamble: plan.preamble.clone(),
+        can: buses_beside(socket).ok()?,
+        news: None,
+    })
+}
+
+/// The buses of the daemon with this image socket, whose status socket is beside it.
+fn buses_beside(socket: &Path) -> anyhow::Result<Vec<CanInput>> {
+    Ok(buses_of_daemon(&status_of_daemon(
+        &socket.with_file_name("status.sock"),
+    )?))
 }
 
 #[cfg(test)]

@@ -1,7 +1,7 @@
 //! A recording that a key begins and ends, while the hand is looked at.
 
 use super::lock;
-use crate::record::{plan_of_daemon, words};
+use crate::record::{described_by_status, plan_of_daemon, words};
 use std::path::{Path, PathBuf};
 use std::sync::atomic::{AtomicBool, Ordering};
 use std::sync::{Arc, Mutex};
@@ -69,6 +69,7 @@ impl Recorder {
 
 fn begin(images: &Path, out: PathBuf, seen: Arc<Mutex<Seen>>) -> anyhow::Result<Ongoing> {
     let plan = plan_of_daemon(images, out)?;
+    let images = images.to_owned();
     let file = plan.out.display().to_string();
     let stop = Arc::new(AtomicBool::new(false));
     let is_stopped = stop.clone();
@@ -78,7 +79,7 @@ fn begin(images: &Path, out: PathBuf, seen: Arc<Mutex<Seen>>) -> anyhow::Result<
             stop: &|| is_stopped.load(Ordering::Relaxed),
             trigger: &|| false,
             say: &tell,
-            described: &|_| None,
+            described: &|_| described_by_status(&images, &plan),
         };
         match taxel_recorder::record(&plan, &signals) {
             Ok(finished) => words(&plan, &finished),
