@@ -152,6 +152,9 @@ def test_another_configuration_of_the_next_daemon_is_in_another_file_and_one_tha
         assert recorder.end() == 0, recorder.said
     assert [attached(path) for path in (out, second, third)] == [[text], [changed], []]
     assert sorted(folder.glob("*.mcap")) == sorted([out, second, third])
+    read = lambda path: subprocess.run([binary("taxel"), "convert", path, folder / "frames.npz"], capture_output=True, text=True).stderr
+    assert f"{out}: read alone; a recorder goes on in {second} to {third} where" in read(out)
+    assert "read alone" not in read(third)
     said = recorder.said
     assert said.count("the daemon runs with another configuration") == 2, said
     assert f"{file} is not the configuration of the daemon that runs" in said, said

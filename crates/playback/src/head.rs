@@ -4,7 +4,7 @@ use anyhow::bail;
 use std::path::{Path, PathBuf};
 use taxel_config::Config;
 use taxel_hand::Geometry;
-use taxel_recorder::{Attached, Item, RecordingReader, Topic, parts, read_text};
+use taxel_recorder::{Attached, Item, RecordingReader, Topic, numbered_beside, parts, read_text};
 use taxel_skin::{Layout, LayoutError};
 use taxel_wire::Hello;
 
@@ -43,6 +43,17 @@ impl Head {
         if let [first, .., last] = &parts(path)[..] {
             let (first, last) = (first.display(), last.display());
             eprintln!("taxel: {}: read of its parts, {first} to {last}", path.display());
+        }
+        if let [first, others @ ..] = &numbered_beside(path)[..] {
+            let to_last = others
+                .last()
+                .map_or(String::new(), |last| format!(" to {}", last.display()));
+            eprintln!(
+                "taxel: {}: read alone; a recorder goes on in {}{to_last} where its daemon runs with another configuration or reads \
+                 other buses, which is read by its own name",
+                path.display(),
+                first.display()
+            );
         }
         let mut reader = RecordingReader::open(path, &[Topic::Can, Topic::Hello, Topic::Frames])?;
         let (mut began_ns, mut has_frames) = (None, false);

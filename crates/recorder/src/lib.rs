@@ -30,7 +30,7 @@ pub use gone::Gone;
 pub use live::{CanInput, CanRead, Described, Finished, LiveError, Plan, Signals, record};
 pub use reader::{Item, ReadError, RecordingReader};
 pub use schema::Topic;
-pub use series::parts;
+pub use series::{numbered_beside, parts};
 pub use standard::{
     clock_message, diagnostics_message, event_message, event_name, joints_message, picture_message,
     read_event, read_text, text_message,

@@ -168,6 +168,16 @@ pub fn parts(path: &Path) -> Vec<PathBuf> {
     parts
 }
 
+/// The numbered files beside a file of this name, which are no [`parts`] of it: a recorder goes on in them where its next
+/// daemon runs with another configuration, which is not that of the file.
+pub fn numbered_beside(path: &Path) -> Vec<PathBuf> {
+    let mut beside = Vec::new();
+    if path.exists() {
+        beside.extend(numbered_files(path).into_iter().map(|(_, file)| file));
+    }
+    beside
+}
+
 fn is_recording(path: &Path) -> bool {
     let mut start = [0; MAGIC.len()];
     let read = File::open(path).and_then(|mut file| file.read_exact(&mut start));
@@ -182,4 +192,23 @@ fn is_being_written(path: &Path) -> bool {
 pub(crate) fn folder_of(path: &Path) -> &Path {
     let folder = path.parent().filter(|folder| !folder.as_os_str().is_empty());
     folder.unwrap_or(Path::new("."))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn numbered_files_are_parts_of_a_name_without_a_file_and_beside_one_that_is_there() {
+        let folder = tempfile::tempdir().unwrap();
+        let path = |name: &str| folder.path().join(name);
+        for name in ["day-0001.mcap", "day-0002.mcap", "day-x.mcap"] {
+            std::fs::write(path(name), MAGIC).unwrap();
+        }
+        let (day, numbered) = (path("day.mcap"), ["day-0001.mcap", "day-0002.mcap"].map(path));
+        let told = || (parts(&day), numbered_beside(&day));
+        assert_eq!(told(), (numbered.to_vec(), Vec::new()));
+        std::fs::write(&day, MAGIC).unwrap();
+        assert_eq!(told(), (vec![day.clone()], numbered.to_vec()));
+    }
 }
