@@ -190,6 +190,9 @@ impl TryFrom<String> for JointSource {
 }
 
 impl JointSource {
+    /// How each kind is written.
+    pub const FORMS: [&str; 2] = ["dynamixel:DEVICE", "allegro:INTERFACE"];
+
     /// What every kind of source can be asked.
     pub fn config(&self) -> &dyn SourceConfig {
         match self {

@@ -12,7 +12,8 @@ pub const MAX_JOINTS: usize = 64;
 pub enum JointSourceError {
     /// Neither of the known beginnings.
     #[error(
-        "`{0}` is no source of joint angles: write dynamixel:DEVICE, such as dynamixel:/dev/ttyUSB0, or allegro:INTERFACE, such as allegro:can2"
+        "`{0}` is no source of joint angles: write {forms}, such as dynamixel:/dev/ttyUSB0 or allegro:can2",
+        forms = crate::JointSource::FORMS.join(" or ")
     )]
     Unknown(String),
     /// `dynamixel:` alone.

@@ -3,38 +3,31 @@
 use super::answers::{Answers, say};
 use crate::doctor::BAUDS;
 use anyhow::bail;
+use std::fmt::Display;
 use std::path::{Path, PathBuf};
 use taxel_can::SourceAddress;
 use taxel_hand::{plural, why_no_name};
 use taxel_joints::registers::Model;
 use taxel_joints::{JointSource, JointSourceError};
 
-/// Where joint angles come from, as the command line and the question have it.
+/// Where joint angles come from, as the command line and the question have it; nothing for `none`.
 #[derive(Debug, Clone, PartialEq)]
-pub(super) enum Joints {
-    None,
-    /// A serial port of Dynamixel servos.
-    Dynamixel(PathBuf),
-    /// An Allegro hand on this CAN source.
-    Allegro(SourceAddress),
-}
+pub(super) struct Joints(Option<JointSource>);
 
 impl std::str::FromStr for Joints {
     type Err = String;
 
     fn from_str(text: &str) -> Result<Self, String> {
-        if text == "none" {
-            return Ok(Self::None);
-        }
-        match text.parse() {
-            Ok(JointSource::Dynamixel(servos)) => Ok(Self::Dynamixel(servos.path)),
-            Ok(JointSource::Allegro(hand)) => Ok(Self::Allegro(hand.bus)),
-            Err(JointSourceError::Unknown(_)) => {
-                Err("write dynamixel:DEVICE, allegro:INTERFACE or none".into())
-            }
-            Err(why) => Err(why.to_string()),
+        match text {
+            "none" => Ok(Self(None)),
+            source => (source.parse().map(|source| Self(Some(source))))
+                .map_err(|why: JointSourceError| or_none(&why)),
         }
     }
+}
+
+fn or_none<E: Display>(why: &E) -> String {
+    format!("{why}; `none` leaves the joints out")
 }
 
 /// An Allegro hand that was heard: the bus and its version.
@@ -91,20 +84,20 @@ fn ask_name(id: u8, joints: &[&str], given: &[String], answers: &Answers) -> any
 
 /// What the command line states.
 pub(super) fn stated(joints: &Joints, heard: Option<&HeardHand>, answers: &Answers) -> anyhow::Result<Table> {
-    match joints {
-        Joints::None => Ok(Table::default()),
-        Joints::Allegro(bus) => {
+    match &joints.0 {
+        None => Ok(Table::default()),
+        Some(source @ JointSource::Allegro(_)) => {
             let version = match heard {
                 Some((_, version)) => *version,
                 None => ask_version(answers)?,
             };
-            let source = toml::Value::from(format!("allegro:{bus}"));
+            let source = toml::Value::from(source.to_string());
             Ok(Table {
                 text: format!("\n[joints]\nsource = {source}\n\n[joints.allegro]\nversion = {version}\n"),
                 servos: Vec::new(),
             })
         }
-        Joints::Dynamixel(port) => servos(port),
+        Some(JointSource::Dynamixel(at)) => servos(&at.path),
     }
 }
 
@@ -115,19 +108,14 @@ pub(super) fn asked(heard: Option<&HeardHand>, answers: &Answers) -> anyhow::Res
     if !ports.is_empty() {
         say(&format!("Serial ports: {}", ports.join(", ")));
     }
+    let question = format!("Joint angles from ({}, none)", JointSource::FORMS.join(", "));
     let proposal = heard.map_or("none".into(), |(bus, _)| format!("allegro:{bus}"));
     loop {
-        let answer = answers.ask(
-            "Joint angles from (dynamixel:DEVICE, allegro:INTERFACE, none)",
-            &proposal,
-        )?;
-        let joints = answer.parse::<Joints>();
-        let table = joints
-            .map_err(anyhow::Error::msg)
-            .and_then(|joints| stated(&joints, heard, answers));
+        let joints = answers.ask(&question, &proposal)?.parse::<Joints>();
+        let table = joints.and_then(|joints| stated(&joints, heard, answers).map_err(|why| or_none(&why)));
         match table {
             Ok(table) => return Ok(table),
-            Err(why) => answers.refuse(&format!("{why}; `none` leaves the joints out"))?,
+            Err(why) => answers.refuse(&why)?,
         }
     }
 }
@@ -202,16 +190,19 @@ mod tests {
     #[test]
     fn sources_of_angles_are_read_and_others_refused() {
         for (text, joints) in [
-            ("none", Joints::None),
-            ("dynamixel:/dev/ttyUSB0", Joints::Dynamixel("/dev/ttyUSB0".into())),
-            ("allegro:can2", Joints::Allegro("can:can2".parse().unwrap())),
+            ("none", None),
+            ("dynamixel:/dev/ttyUSB0", Some("dynamixel:/dev/ttyUSB0")),
+            ("allegro:can2", Some("allegro:can:can2")),
             (
-                "allegro:udp::43113",
-                Joints::Allegro("udp::43113".parse().unwrap()),
+                "allegro:udp:239.74.163.2:43114",
+                Some("allegro:udp:239.74.163.2:43114"),
             ),
         ] {
-            assert_eq!(text.parse(), Ok(joints));
+            let Joints(source) = text.parse().unwrap();
+            assert_eq!(source.map(|source| source.to_string()).as_deref(), joints);
         }
+        let why = "servos".parse::<Joints>().unwrap_err();
+        assert!(JointSource::FORMS.iter().all(|form| why.contains(form)), "{why}");
         for text in ["", "servos", "dynamixel:", "allegro", "allegro:", "allegro:a b"] {
             assert!(text.parse::<Joints>().is_err(), "{text}");
         }
