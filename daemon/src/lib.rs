@@ -28,7 +28,7 @@ mod tick;
 
 pub use arguments::Arguments;
 pub use realtime::set_fifo;
-pub use sources::{left_out, open_array};
+pub use sources::{left_out, open_array, untimed};
 pub use start_error::{StartError, check, left_to_service};
 pub use taxel_config::{self as config, Config, ConfigError};
 pub use taxel_serve::SocketPathError;

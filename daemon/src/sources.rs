@@ -43,6 +43,9 @@ pub(crate) fn open(config: &Config, start_ns: u64) -> Result<Vec<Box<dyn CanSour
         if let Some(sentence) = left_out(config, address, &*source) {
             tracing::info!("{name}: {sentence}");
         }
+        if let Some(sentence) = untimed(&*source) {
+            tracing::warn!("{name}: {sentence}");
+        }
         Ok(source)
     })
     .collect()
@@ -67,6 +70,13 @@ pub fn left_out(config: &Config, address: &SourceAddress, source: &dyn CanSource
         "the recording's frames of {} are left out, which is another bus; {address} plays one of these",
         names.join(", ")
     ))
+}
+
+/// That the times of a recording are made up, in a sentence, where they are.
+pub fn untimed(source: &dyn CanSource) -> Option<&'static str> {
+    (!source.has_times()).then_some(
+        "the recording has no times, and its frames are taken to follow each other on a full bus; `candump -l` keeps times",
+    )
 }
 
 /// Whether the recordings and scenes can be opened; buses are left alone.

@@ -173,3 +173,10 @@ def test_a_recording_that_another_program_wrote_anew_with_zstd_gives_the_same_im
         told = taxel("compress", f"{name}.mcap", "--out", f"{name}.bin")
         assert "left out" not in told.stderr
     assert (tmp_path / "zstd.bin").read_bytes() == (tmp_path / "tap.bin").read_bytes()
+
+
+def test_a_daemon_says_of_a_recording_without_times_that_these_are_made_up(start, folder):
+    path = folder / "screen.log"
+    path.write_text("  can0  000   [8]  83 80 39 80 06 32 86 01\n" * 10_000)
+    daemon = start([f"log:{path}"], layout="uskin-module")
+    assert "the recording has no times, and its frames are taken to follow each other on a full bus" in daemon.log

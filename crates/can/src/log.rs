@@ -250,6 +250,10 @@ impl CanSource for LogSource {
         self.next.is_none()
     }
 
+    fn has_times(&self) -> bool {
+        self.reader.without_time() == 0
+    }
+
     fn left_out(&self) -> &[Arc<str>] {
         &self.left_out
     }
@@ -315,6 +319,17 @@ mod tests {
             (5, 2)
         );
         assert_eq!(source.counters().can_fd, 1);
+    }
+
+    #[test]
+    fn a_recording_without_times_says_so_from_the_start() {
+        assert!(open(LOG, None, 0).has_times());
+        let screen = "  can0  001   [1]  01\n  can1  002   [1]  02\n";
+        assert!(
+            [None, Some("can1")]
+                .iter()
+                .all(|bus| !open(screen, *bus, 0).has_times())
+        );
     }
 
     #[test]

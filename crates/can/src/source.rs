@@ -47,6 +47,12 @@ pub trait CanSource: Send {
         false
     }
 
+    /// Whether its times were measured; not so where a recording has none, whose frames are taken to follow each other on
+    /// a full bus.
+    fn has_times(&self) -> bool {
+        true
+    }
+
     /// Interfaces of a recording whose frames are not played, since they are another bus.
     fn left_out(&self) -> &[Arc<str>] {
         &[]

@@ -261,6 +261,9 @@ impl Doctor {
             if let Some(sentence) = source.and_then(|source| taxeld::left_out(config, address, source)) {
                 self.report(vec![Check::skipped(AREA, "source", name, sentence)])?;
             }
+            if let Some(sentence) = source.and_then(taxeld::untimed) {
+                self.report(vec![Check::warning(AREA, "source", name, sentence)])?;
+            }
         }
         if failures.len() == config.sources.len() {
             // What needs no hearing is told all the same.

@@ -55,6 +55,27 @@ fn of_a_recording_of_two_buses_the_one_of_the_hands_bus_is_examined() {
 }
 
 #[test]
+fn a_recording_without_times_is_said_to_have_made_up_ones() {
+    let dir = TempDir::new().unwrap();
+    recorded(&dir, "idle --layout uskin-module --to log:idle.log --seconds 4");
+    let log = std::fs::read_to_string(dir.path().join("idle.log")).unwrap();
+    // As candump shows frames on the screen: `  can0  600   [8]  83 80 39 80 06 32 86 01`.
+    let lines = log.lines().map(|line| {
+        let (id, data) = line.rsplit(' ').next().unwrap().split_once('#').unwrap();
+        let bytes: Vec<&str> = (0..data.len()).step_by(2).map(|n| &data[n..n + 2]).collect();
+        format!("  can0  {id}   [{}]  {}\n", bytes.len(), bytes.join(" "))
+    });
+    std::fs::write(dir.path().join("screen.log"), lines.collect::<String>()).unwrap();
+    let of = |file: &str| {
+        let (_, checks) = doctor(&dir, &["--layout", "uskin-module", &format!("log:{file}")]);
+        bad(&checks, "source")
+            .iter()
+            .any(|check| check[2].contains("no times"))
+    };
+    assert_eq!([of("idle.log"), of("screen.log")], [false, true]);
+}
+
+#[test]
 fn contacts_of_drift_in_a_recording_are_told() {
     let dir = TempDir::new().unwrap();
     let scene = r#"
