@@ -21,8 +21,8 @@ pub(super) const BEGINS: &str = "squeeze";
 pub(super) const SAMPLE: &str = "pwm ";
 pub(super) const ENDS: &str = "release";
 
-/// `SCHED_FIFO` priority: one step below what taxeld sends with, unless its configuration has others.
-const PRIORITY: u8 = 7;
+/// `SCHED_FIFO` priority, the lowest: threads of taxeld have up to two less than its configuration says.
+const PRIORITY: u8 = 1;
 
 /// Until an angle is known in a squeeze, one that was read so long before is better than none: two samples, microseconds.
 /// A squeeze begins at rest.
