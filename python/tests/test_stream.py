@@ -11,7 +11,7 @@ import numpy as np
 import pytest
 import taxel
 from taxel import _reader
-from taxel.fake import _event
+from taxel.fake import _event, _message
 
 
 def test_an_image_comes_as_arrays(daemon):
@@ -58,6 +58,64 @@ def test_a_daemon_that_takes_no_connection_is_not_waited_for_without_end(tmp_pat
         with pytest.raises(TimeoutError, match="takes no connection"):
             for _ in range(9):
                 waiting.enter_context(_reader.connect(tmp_path / "images.sock"))
+
+
+@pytest.fixture
+def full(tmp_path):
+    """The listener of a daemon that takes no connection, with no room for another one that waits."""
+    with socket.socket(socket.AF_UNIX, socket.SOCK_SEQPACKET) as hangs, contextlib.ExitStack() as waiting:
+        hangs.bind(str(tmp_path / "images.sock"))
+        hangs.listen(1)
+        hangs.setblocking(False)
+        with contextlib.suppress(BlockingIOError):
+            while True:
+                client = waiting.enter_context(socket.socket(socket.AF_UNIX, socket.SOCK_SEQPACKET))
+                client.setblocking(False)
+                client.connect(str(tmp_path / "images.sock"))
+        yield hangs
+
+
+@pytest.fixture
+def never_sleeps(monkeypatch):
+    monkeypatch.setattr(time, "sleep", lambda _: pytest.fail("it sleeps"))
+
+
+def test_asyncio_goes_on_while_the_daemon_takes_no_connection(full, never_sleeps):
+    async def follow():
+        with contextlib.ExitStack() as taken:
+            hand = taken.enter_context(contextlib.closing(taxel.aio.connect(full.getsockname())))
+            reader = asyncio.ensure_future(hand.next())
+            for _ in range(10):
+                await asyncio.sleep(0)
+            assert not reader.done() and not hand.hello
+            while not hand.hello:
+                with contextlib.suppress(BlockingIOError):
+                    taken.enter_context(full.accept()[0]).send(_message(_reader.HELLO, b'{"width":4}'))
+                await asyncio.sleep(0)
+            hand.close()
+            return await reader
+
+    assert asyncio.run(asyncio.wait_for(follow(), 20)) is None
+
+
+def test_asyncio_is_told_that_the_daemon_takes_no_connection_and_may_give_up(full, never_sleeps, monkeypatch):
+    async def follow():
+        async with taxel.aio.connect(full.getsockname()) as hand:
+            with pytest.raises(asyncio.TimeoutError):
+                await asyncio.wait_for(hand.next(), 0.05)
+            monkeypatch.setattr(_reader, "_PATIENCE_S", 0.0)
+            reader = asyncio.ensure_future(hand.next())
+            while "takes no connection" not in hand.gone:
+                await asyncio.sleep(0)
+            hand.close()
+            return await reader
+
+    assert asyncio.run(asyncio.wait_for(follow(), 20)) is None
+
+
+def test_a_time_out_is_kept_while_the_daemon_takes_no_connection(full, never_sleeps):
+    hand = taxel.Stream(full.getsockname(), {})
+    assert hand.next(timeout=0) is None and not hand.gone
 
 
 def test_a_daemon_that_was_waited_for_has_not_restarted(daemon):

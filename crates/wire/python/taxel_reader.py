@@ -26,7 +26,7 @@ import stat
 import struct
 import sys
 import time
-from typing import Any, Dict, Iterator, List, NamedTuple, Optional, Tuple, Union
+from typing import Any, Dict, Generator, Iterator, List, NamedTuple, Optional, Tuple, Union
 
 MAGIC = b"TCT1"
 MAJOR = 1
@@ -501,20 +501,47 @@ def _check_folder(path: str) -> None:
         raise PermissionError(errno.EACCES, "not a folder that only the user of its name owns and may write", folder)
 
 
-def _connect_to(connection: socket.socket, place: str) -> None:
+def attempts(connection: socket.socket, place: str, patience_s: float) -> Iterator[float]:
+    """Connects to a Unix socket without ever blocking; yields the seconds to wait before each further attempt.
+
+    Raises OSError; TimeoutError where there is no room for the connection for `patience_s`.
+    """
     # A socket that blocks would wait for ever for room in the queue of those that are not accepted yet.
     connection.setblocking(False)
-    until = time.monotonic() + _PATIENCE_S
+    until = time.monotonic() + patience_s
     while True:
         try:
             connection.connect(place)
-            break
+            return
         except BlockingIOError:
             if time.monotonic() > until:
                 words = "taxeld takes no connection; its log says what it does, and where it hangs, restart it"
                 raise TimeoutError(errno.ETIMEDOUT, words, place) from None
-            time.sleep(0.01)
+        yield 0.01
+
+
+def connecting(
+    path: Union[str, bytes, "os.PathLike[str]", "os.PathLike[bytes]"], **wanted: Any
+) -> Generator[float, None, Reader]:
+    """As `connect`, for an event loop: never blocks, yields the seconds to wait before each further attempt, returns the
+    reader. Raises what `connect` does; closing the generator gives it up.
+    """
+    place = os.fsdecode(path)
+    _check_folder(place)
+    connection = socket.socket(socket.AF_UNIX, socket.SOCK_SEQPACKET)
+    try:
+        yield from attempts(connection, place, _PATIENCE_S)
+        reader = Reader(connection)
+        if wanted:
+            # There is room for it: nothing was sent yet.
+            reader.subscribe(**wanted)
+    except BaseException as error:
+        connection.close()
+        if isinstance(error, OSError) and error.errno == errno.EPROTOTYPE:
+            raise OSError(error.errno, "requests go there; images come from images.sock beside it", place) from None
+        raise
     connection.setblocking(True)
+    return reader
 
 
 def connect(path: Union[str, bytes, "os.PathLike[str]", "os.PathLike[bytes]"], **wanted: Any) -> Reader:
@@ -525,20 +552,13 @@ def connect(path: Union[str, bytes, "os.PathLike[str]", "os.PathLike[bytes]"], *
     EPROTOTYPE where it is a socket that takes requests, TimeoutError where the daemon takes no connection for five seconds,
     as one that hangs.
     """
-    place = os.fsdecode(path)
-    _check_folder(place)
-    connection = socket.socket(socket.AF_UNIX, socket.SOCK_SEQPACKET)
-    try:
-        _connect_to(connection, place)
-        reader = Reader(connection)
-        if wanted:
-            reader.subscribe(**wanted)
-    except BaseException as error:
-        connection.close()
-        if isinstance(error, OSError) and error.errno == errno.EPROTOTYPE:
-            raise OSError(error.errno, "requests go there; images come from images.sock beside it", place) from None
-        raise
-    return reader
+    steps = connecting(path, **wanted)
+    while True:
+        try:
+            time.sleep(next(steps))
+        except StopIteration as connected:
+            reader: Reader = connected.value
+            return reader
 
 
 def line(image: Image, latency_ns: Optional[int] = None) -> str:

@@ -1,6 +1,7 @@
 """The same with asyncio: `async for image in taxel.aio.connect():`."""
 
 import asyncio
+import contextlib
 from typing import Any, AsyncIterator, Dict, Optional, Sequence
 
 from . import _reader, messages
@@ -44,9 +45,11 @@ class Stream(Subscription):
         with self._reading():
             while not self._closed:
                 try:
-                    reader = self._connect()
+                    reader = await self._connected()
+                    if reader is None:
+                        break
                     await _readable(reader)
-                    message = self._take(reader, 0.0)
+                    message = self._take(0.0)
                 except PermissionError:
                     raise
                 except OSError as error:
@@ -58,6 +61,15 @@ class Stream(Subscription):
                 if message is not None:
                     return message
         return None
+
+    async def _connected(self) -> Optional["_reader.Reader"]:
+        """The connection, made where there is none; None where the stream was closed meanwhile."""
+        with contextlib.closing(self._connecting()) as attempts:
+            for seconds in attempts:
+                await asyncio.sleep(seconds)
+                if self._closed:
+                    return None
+        return self._reader
 
 
 async def _readable(reader: "_reader.Reader") -> None:

@@ -57,20 +57,28 @@ class Stream(Subscription):
         end = deadline(timeout)
         with self._reading():
             while not self._closed:
-                left = min(RETRY_S, max(0.0, end - time.monotonic()))
                 message = None
                 try:
-                    message = self._take(self._connect(), left)
+                    for seconds in self._connecting():
+                        if self._closed or time.monotonic() >= end:
+                            return None
+                        time.sleep(seconds)
+                    message = self._take(_left(end))
                 except PermissionError:
                     raise
                 except OSError as error:
                     if self._closed:
                         break
                     self._lose(error)
-                    time.sleep(left)
+                    time.sleep(_left(end))
                 if message is not None or time.monotonic() >= end:
                     return message
         return None
+
+
+def _left(end: float) -> float:
+    """How long to wait at a time, seconds."""
+    return min(RETRY_S, max(0.0, end - time.monotonic()))
 
 
 def connect(
@@ -93,7 +101,8 @@ def connect(
     """
     stream = Stream(path, wanted(raw, status, every, max_rate_hz, profile, region))
     try:
-        stream._connect()
+        for seconds in stream._connecting():
+            time.sleep(seconds)
     except PermissionError:
         raise
     except (FileNotFoundError, ConnectionRefusedError) as error:

@@ -5,7 +5,7 @@ import os
 import socket
 import threading
 import time
-from typing import Any, Dict, Iterator, Optional
+from typing import Any, Dict, Generator, Iterator, Optional
 
 from . import _reader, messages
 from .arguments import Path
@@ -80,16 +80,15 @@ class Subscription:
             if self._closed:
                 self.close()
 
-    def _connect(self) -> "_reader.Reader":
-        """Connects where it is not connected. Raises OSError."""
+    def _connecting(self) -> Generator[float, None, None]:
+        """Connects where it is not connected; yields the seconds before each further attempt. Raises OSError."""
         if self._reader is None:
-            self._reader = _reader.connect(self._path, **self._wanted)
+            self._reader = yield from _reader.connecting(self._path, **self._wanted)
             self._unanswered = 2 if self._wanted else 0
-        return self._reader
 
-    def _take(self, reader: "_reader.Reader", seconds: float) -> Optional[messages.Message]:
+    def _take(self, seconds: float) -> Optional[messages.Message]:
         """The next message for the user; None where there is none in time. Raises OSError where the daemon is gone."""
-        received = reader.receive(timeout=seconds)
+        received = self._reader.receive(timeout=seconds) if self._reader else None
         if received is None or self._closed:
             return None
         if received.header.type == _reader.HELLO:
