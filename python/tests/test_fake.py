@@ -24,6 +24,14 @@ REFUSED_REQUESTS = [
     {"cmd": "profile", "profile": {"levels": 0}},
     {"cmd": "profile", "profile": []},
     {"cmd": "servo", "joint": "index 0", "pwm_percent": 101},
+    {"cmd": "servo", "joint": "index 0"},
+    {"cmd": "servo", "joint": "index 0", "torque": False, "pwm_percent": 0},
+    {"cmd": "servo", "joint": "index 0", "torque": True, "hold_ms": 19},
+    {"cmd": "servo", "joint": "index 0", "torque": True, "hold_ms": 10_001},
+    {"cmd": "servo", "joint": "index 0", "torque": False, "hold_ms": 500},
+    {"cmd": "servo", "joint": "index 0", "pwm_percent": 0, "hold_ms": 500},
+    {"cmd": "servos", "pwm_percent": {}},
+    {"cmd": "servos", "pwm_percent": {"index 0": 101}},
     {"cmd": "dance"},
     [],
 ]
@@ -37,8 +45,9 @@ def test_subscriptions_that_taxeld_refuses_are_refused(daemon, asked):
 
 @pytest.mark.parametrize("request_", REFUSED_REQUESTS, ids=str)
 def test_requests_that_taxeld_refuses_are_refused(daemon, request_):
-    with pytest.raises(taxel.Refused):
-        taxel.Control(daemon.control).request(request_)
+    with taxel.Control(daemon.control) as control, pytest.raises(taxel.Refused):
+        control.request(request_)
+    assert daemon.held == {}
 
 
 def test_images_that_no_display_of_this_kind_shows_are_not_made(daemon):

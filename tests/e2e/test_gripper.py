@@ -1,5 +1,6 @@
 """A gripper's fingers, on simulated servos: they move together, and go off with whoever moved them. Its potentiometers."""
 
+import asyncio
 import json
 import math
 import os
@@ -8,6 +9,7 @@ import subprocess
 import sys
 
 import pytest
+import taxel
 from harness.daemon import Daemon, ask, binary, die_with_parent, eventually, read_reply
 from harness.gripper import (
     FINGERS,
@@ -186,3 +188,42 @@ def test_the_doctor_hears_the_potentiometers_where_no_daemon_reads_them(folder, 
     servos.tell("line p1 1023 p2 540\\n")
     (lost,) = doctor()
     assert lost["state"] == "error" and "left p" in lost["found"] and "1023" in lost["found"], lost
+
+
+def test_the_python_package_holds_fingers_for_a_block_and_no_longer_than_it_asks_something(folder, servos):
+    with Daemon(folder / "d", SCENE, tick=TICK, joints=gripper(servos.path)) as daemon:
+        daemon.wait_status(lambda s: s["joints"]["readings"] > 20, "nothing is read")
+        with taxel.Control(daemon.control_path) as control:
+            for name in FINGERS:
+                control.torque(name, True, pwm_percent=0, hold_ms=10_000)
+            control.pwm_together({"left": 20, "right": 20})
+            control.keep_alive()
+            assert registers(servos, TORQUE) == [1, 1] and registers(servos, GOAL_PWM) == [177, 177]
+            assert f"process {os.getpid()}" in servo(daemon, "left", "--torque", "on")[1]
+        eventually(lambda: registers(servos, TORQUE) == [0, 0], "the block has ended")
+        with taxel.Control(daemon.control_path) as control:
+            control.torque("left", True, pwm_percent=0, hold_ms=200)
+            eventually(lambda: registers(servos, TORQUE) == [0, 0], "it has asked nothing")
+            with pytest.raises(taxel.Refused, match="nothing was asked for 200ms"):
+                control.keep_alive()
+        other, other_process = control_of_another(daemon)
+        with other:
+            torque_on(other, "left", 10_000)
+            with pytest.raises(taxel.Refused, match="left: it is driven by") as refused:
+                taxel.Control(daemon.control_path).pwm("left", 50)
+            assert refused.value.held_by == other_process
+
+
+def test_the_python_package_holds_a_finger_with_asyncio(folder, servos):
+    async def hold(daemon):
+        async with taxel.aio.Control(daemon.control_path) as control:
+            await control.torque("left", True, pwm_percent=0, hold_ms=10_000)
+            await control.pwm("left", 20)
+            await asyncio.gather(control.keep_alive(), control.pwm_together({"left": 40}))
+            assert (await control.status())["joints"]["joints"][0]["torque_enabled"] is True
+            assert registers(servos, TORQUE) == [1, 0] and registers(servos, GOAL_PWM)[0] == 354
+
+    with Daemon(folder / "d", SCENE, tick=TICK, joints=gripper(servos.path)) as daemon:
+        daemon.wait_status(lambda s: s["joints"]["readings"] > 20, "nothing is read")
+        asyncio.run(hold(daemon))
+        eventually(lambda: registers(servos, TORQUE) == [0, 0], "the block has ended")

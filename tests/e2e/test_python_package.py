@@ -120,10 +120,11 @@ for asked in cases["REFUSED"]:
         except taxel.Refused:
             pass
 for request in cases["REFUSED_REQUESTS"]:
-    try:
-        taken.append((request, taxel.Control(control).request(request)))
-    except taxel.Refused:
-        pass
+    with taxel.Control(control) as asked:
+        try:
+            taken.append((request, asked.request(request)))
+        except taxel.Refused:
+            pass
 sys.exit(str(taken) if taken else 0)
 """
     command = [python, "-I", "-c", refused, daemon.images, daemon.control_path, PACKAGE / "tests/test_fake.py"]

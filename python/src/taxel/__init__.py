@@ -10,13 +10,14 @@ SPDX-License-Identifier: Apache-2.0 OR MIT
 
 from . import aio
 from ._reader import DecodeError
-from .control import Control, Mark, mark, pause, profile, resume, rezero, status
+from .control import Control, mark, pause, profile, resume, rezero, status
 from .errors import Refused
 from .fake import FakeDaemon
 from .files import Images, load
 from .frames import Frames, load_frames
 from .messages import Event, Image, Message, Raw, Text
 from .place import running_socket
+from .requests import Mark
 from .stream import Stream, connect
 
 __version__ = "0.1.0"

@@ -13,7 +13,7 @@ import tempfile
 import threading
 import time
 from pathlib import Path
-from typing import Any, Callable, Deque, Dict, Iterable, List, Optional, Sequence, Tuple
+from typing import Any, Callable, Deque, Dict, Iterable, Iterator, List, Optional, Sequence, Set, Tuple
 
 import numpy as np
 
@@ -65,7 +65,7 @@ class FakeDaemon:
     may press before its driver is back after a restart. It is the same for every display; nothing is compressed.
     `subscriptions` are the SUBSCRIBE messages that came, `requests` the requests; `answer` makes the reply to a
     request, by default `{"ok": true}` with an empty status or profile. What taxeld refuses is refused, as far as it
-    can be told without a hand.
+    can be told without a hand. It knows no other programs: whoever asks may drive what is held.
     """
 
     def __init__(
@@ -107,6 +107,9 @@ class FakeDaemon:
         self._changed = threading.Condition()
         self._clients: Dict[socket.socket, Sequence[bytes]] = {}
         """Who is connected, each with the images that it was sent before it could say what it is."""
+        self._askers: Set[socket.socket] = set()
+        self._holds: Dict[str, Tuple[socket.socket, float]] = {}
+        """Who holds a motor, and for how long it may be silent, milliseconds."""
         self._kept: Deque[bytes] = collections.deque(maxlen=100)
         """The newest images that were made while nobody was connected."""
         self._ready: Optional[selectors.BaseSelector] = None
@@ -138,10 +141,12 @@ class FakeDaemon:
             ready, self._ready = self._ready, None
             self._clients.clear()
             self._kept.clear()
+            self._holds.clear()
+            askers = [*self._askers]
         if ready is None:
             return
         ends: List[Any] = [key.fileobj for key in ready.get_map().values()]
-        for end in ends:
+        for end in (*askers, *ends):
             # Wakes the thread that waits for it; closing alone does not.
             with contextlib.suppress(OSError):
                 end.shutdown(socket.SHUT_RDWR)
@@ -169,6 +174,18 @@ class FakeDaemon:
         with self._changed:
             if not self._changed.wait_for(lambda: len(self.subscriptions) >= count, timeout):
                 raise TimeoutError(f"{len(self.subscriptions)} of {count} subscriptions after {timeout} s")
+
+    @property
+    def held(self) -> Dict[str, float]:
+        """The motors that connections hold (`hold_ms`), and for how long each of these may be silent, milliseconds."""
+        with self._changed:
+            return {joint: hold_ms for joint, (_, hold_ms) in self._holds.items()}
+
+    def wait_until_held(self, *joints: str, timeout: float = PATIENCE_S) -> None:
+        """Waits until these motors are held, and no others; without one, until all were let go. Raises TimeoutError."""
+        with self._changed:
+            if not self._changed.wait_for(lambda: {*joints} == {*self._holds}, timeout):
+                raise TimeoutError(f"held are {sorted(self._holds)} after {timeout} s, instead of {sorted(joints)}")
 
     def press(self, pressed: Iterable[Tuple[int, int, int]] = (), joints: Sequence[float] = ()) -> messages.Image:
         """Sends an image in which actuators 0, 1, .. press at (x, y) with a level from 1; returns it.
@@ -291,15 +308,61 @@ class FakeDaemon:
 
     def _asker(self, _ready: selectors.BaseSelector, listener: socket.socket) -> None:
         client, _ = listener.accept()
+        self._askers.add(client)
         threading.Thread(target=self._answers_to, args=(client,), daemon=True).start()
 
     def _answers_to(self, client: socket.socket) -> None:
-        with client, client.makefile("rwb") as lines:
-            for line in lines:
-                request = json.loads(line)
-                self.requests.append(request)
-                lines.write(json.dumps(self.answer(request)).encode() + b"\n")
-                lines.flush()
+        with client:
+            with contextlib.suppress(OSError):
+                for line in self._asked(client):
+                    client.sendall(json.dumps(self._answered(client, line)).encode() + b"\n")
+            with self._changed:
+                self._askers.discard(client)
+                for joint in [joint for joint, (holder, _) in self._holds.items() if holder is client]:
+                    del self._holds[joint]
+                self._changed.notify_all()
+
+    def _asked(self, client: socket.socket) -> Iterator[bytes]:
+        """What it asks, until it has gone, or holds motors and is silent for too long."""
+        received, since = b"", time.monotonic()
+        while True:
+            line, end, rest = received.partition(b"\n")
+            if end:
+                received = rest
+                if line.strip():
+                    yield line
+                    since = time.monotonic()
+                continue
+            with self._changed:
+                held_ms = [ms for holder, ms in self._holds.values() if holder is client]
+            left = since + min(held_ms) / 1e3 - time.monotonic() if held_ms else None
+            if left is not None and left <= 0:
+                error = f"nothing was asked for {min(held_ms):g}ms, so the motors that this connection held are switched off"
+                client.sendall(json.dumps({"ok": False, "error": error}).encode() + b"\n")
+                return
+            client.settimeout(left)
+            with contextlib.suppress(socket.timeout):
+                part = client.recv(1 << 16)
+                if not part:
+                    return
+                received += part
+
+    def _answered(self, client: socket.socket, line: bytes) -> Dict[str, Any]:
+        try:
+            request = json.loads(line)
+        except ValueError as error:
+            return {"ok": False, "error": f"no JSON object: {error}"}
+        self.requests.append(request)
+        answer = self.answer(request)
+        if answer.get("ok") and request.get("torque") is not None:
+            joint, hold_ms = request["joint"], request.get("hold_ms")
+            with self._changed:
+                if hold_ms or not request["torque"]:
+                    self._holds.pop(joint, None)
+                if hold_ms:
+                    self._holds[joint] = client, hold_ms
+                self._changed.notify_all()
+        return answer
 
 
 def _agree(request: Dict[str, Any]) -> Dict[str, Any]:

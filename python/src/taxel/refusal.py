@@ -47,7 +47,29 @@ def of_request(request: Any) -> str:
             return "a mark has 1 to 500 bytes of text"
         if any(unicodedata.category(character) == "Cc" for character in text):
             return "a mark is one line of text"
-    percent = request.get("pwm_percent", 0)
-    if request["cmd"] == "servo" and not (type(percent) in (int, float) and -100 <= percent <= 100):
-        return f"pwm_percent = {percent!r} must be from -100 to 100"
+    if request["cmd"] == "servo":
+        return _of_servo(request)
+    if request["cmd"] == "servos":
+        shares = request.get("pwm_percent")
+        if not (isinstance(shares, dict) and shares):
+            return f"pwm_percent = {shares!r} names no joint"
+        return next(filter(None, map(_of_percent, shares.values())), "")
     return of_profile(request["profile"]) if request["cmd"] == "profile" and "profile" in request else ""
+
+
+def _of_servo(request: Dict[str, Any]) -> str:
+    torque, percent, hold_ms = (request.get(key) for key in ("torque", "pwm_percent", "hold_ms"))
+    if hold_ms is not None:
+        if not (type(hold_ms) in (int, float) and 20 <= hold_ms <= 10_000):
+            return f"hold_ms = {hold_ms!r} is outside 20 to 10000 ms"
+        if torque is not True:
+            return 'hold_ms goes with "torque":true alone'
+    if torque not in (None, True) and percent is not None or torque is percent is None:
+        return "say torque (true or false), pwm_percent (-100 to 100), or torque true with the pwm_percent it begins with"
+    return "" if percent is None else _of_percent(percent)
+
+
+def _of_percent(percent: Any) -> str:
+    if type(percent) in (int, float) and -100 <= percent <= 100:
+        return ""
+    return f"pwm_percent = {percent!r} is outside -100 to 100"
