@@ -112,6 +112,63 @@ fn one_that_never_confirms_keeps_no_other_motor_on() {
 }
 
 #[test]
+fn one_that_is_silent_keeps_no_other_motor_on_for_longer_than_it_is_waited_for_once() {
+    for at_the_end in [false, true] {
+        let mut w = writable(4);
+        start(&mut w, 0..4);
+        for id in [1, 3] {
+            w.fault(id, ServoFault::Silent);
+        }
+        if at_the_end {
+            w.bus.release_motors();
+        } else {
+            for servo in 0..4 {
+                w.bus.command(servo, OFF).unwrap();
+            }
+        }
+        w.cycles(1);
+        assert_eq!(
+            [1, 2, 3, 4].map(|id| register(&w, id, 64, 1)),
+            [0; 4],
+            "{at_the_end}"
+        );
+        assert_eq!(
+            [0, 1, 2, 3].map(|servo| w.bus.servo(servo).unwrap().torque_enabled),
+            [Some(true), Some(false), Some(true), Some(false)],
+            "{at_the_end}"
+        );
+        assert_eq!(
+            [1, 3].map(|id| tells_off(&w, id)),
+            [2, 2],
+            "one to start it, one now"
+        );
+        for id in [1, 3] {
+            w.servos.set_fault(id, None, 1);
+        }
+        w.cycles(3);
+        assert!(!w.bus.has_writes(), "{at_the_end}");
+    }
+}
+
+#[test]
+fn one_that_is_silent_is_asked_behind_those_that_are_switched_off_later() {
+    let mut w = writable(3);
+    start(&mut w, 0..3);
+    for id in [1, 2] {
+        w.fault(id, ServoFault::Silent);
+    }
+    for servo in [0, 1] {
+        w.bus.command(servo, OFF).unwrap();
+    }
+    w.cycles(1);
+    w.bus.command(2, OFF).unwrap();
+    w.requests.clear();
+    w.cycles(1);
+    assert_eq!(write_of(&w.requests[0]), Some((3, 64, 0)));
+    assert_eq!(register(&w, 3, 64, 1), 0);
+}
+
+#[test]
 fn a_later_command_to_start_a_motor_takes_the_place_of_one_to_switch_it_off() {
     let mut w = writable(1);
     start(&mut w, [0]);

@@ -459,12 +459,13 @@ fn a_goal_whose_answer_is_missed_keeps_no_motor_on() {
         w.bus.begin(w.now_ns);
         while w.requests.last().is_none_or(|request| !is_goal(request)) && w.turn() {}
         w.bus.command(off, WriteCommand::Torque(false)).unwrap();
-        while w.turn() {}
-        w.now_ns += 5 * MS;
         w.requests.clear();
-        w.cycle(5 * MS);
+        while w.turn() {}
         let id = off as u8 + 1;
-        assert_eq!(write_of(&w.requests[0]), Some((id, 64, 0)), "together {together}");
+        let next = w.requests.iter().find_map(|request| write_of(request));
+        assert_eq!(next, Some((id, 64, 0)), "together {together}: in the same cycle");
+        w.now_ns += 5 * MS;
+        w.cycle(5 * MS);
         w.requests.clear();
         w.cycles(4);
         let told = |id: u8| {

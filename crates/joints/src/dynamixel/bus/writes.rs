@@ -186,10 +186,10 @@ pub(crate) struct Write {
     /// Of which command it is, and whether that is done with it.
     pub(crate) number: u64,
     pub(crate) last: bool,
-    /// Whether it was sent before, in vain: it may have been obeyed.
-    pub(crate) again: bool,
     /// Whether it goes before everything else.
     pub(crate) urgent: bool,
+    /// How often it was sent in vain.
+    pub(crate) tries: u32,
 }
 
 impl Write {
@@ -203,8 +203,8 @@ impl Write {
             len: N,
             number: 0,
             last: false,
-            again: false,
             urgent: false,
+            tries: 0,
         }
     }
 

@@ -117,7 +117,7 @@ impl Bus {
             .writes
             .iter()
             .skip(out)
-            .take_while(|write| write.urgent)
+            .take_while(|write| write.urgent && write.tries == 0)
             .count();
         self.insert_off(servo, out + others);
     }

@@ -125,9 +125,11 @@ pub struct Bus {
     watchdog_steps: u8,
     writes: VecDeque<Write>,
     outcomes: Outcomes,
-    /// How often the write at the front was sent in vain, and whether no more are sent in this cycle.
+    /// How often the write at the front was sent in vain, and whether no more are sent in this cycle but to switch motors off.
     write_tries: u32,
     writes_done: bool,
+    /// Writes of this cycle whose servo was not heard.
+    unheard: usize,
     /// Whose motor is the next to be told again to be off.
     off_turn: usize,
     begun_ns: u64,
@@ -180,6 +182,7 @@ impl Bus {
             outcomes: Outcomes::new(),
             write_tries: 0,
             writes_done: false,
+            unheard: 0,
             off_turn: 0,
             begun_ns: 0,
             counters: BusCounters::default(),
@@ -266,6 +269,7 @@ impl Bus {
         self.passes = 0;
         self.slow_done = false;
         self.writes_done = false;
+        self.unheard = 0;
         self.pass_active = false;
         // A cycle that the port did not see to its end leaves those that were to be asked in it.
         self.again.clear();

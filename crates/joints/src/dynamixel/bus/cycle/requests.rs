@@ -40,7 +40,8 @@ impl Bus {
         if !self.writes_done {
             self.switch_off_again(now_ns);
         }
-        let write = self.writes.front().copied().filter(|_| !self.writes_done);
+        let write =
+            (self.writes.front().copied()).filter(|write| !self.writes_done || self.is_first_off(write));
         if let Some(write) = write.filter(|write| write.urgent || self.again.is_empty()) {
             if !self.ask_watchdogs() {
                 self.tell(write);
@@ -74,6 +75,12 @@ impl Bus {
         self.slow_ns = now_ns;
         self.activate();
         true
+    }
+
+    /// Whether it switches a motor off, and was not sent yet: it is in this cycle, whoever was not heard in it, but for no
+    /// longer than each servo is waited for once.
+    fn is_first_off(&self, write: &Write) -> bool {
+        write.urgent && write.tries == 0 && self.unheard < self.servos.len()
     }
 
     /// Where nothing else is urgent, has a motor told again to be off of which nobody knows whether it is.
@@ -201,6 +208,15 @@ impl Bus {
                 self.note(write.servo, write.number, Err(WriteError::SwitchedOff));
             }
         }
+    }
+
+    /// What was out in vain is at the front again, to switch a motor off, and goes behind what does so for other servos.
+    pub(super) fn let_other_offs_pass(&mut self) {
+        let writes = self.writes.make_contiguous();
+        let urgent = writes.iter().take_while(|write| write.urgent).count();
+        let own = (writes.iter().take(urgent)).take_while(|write| write.servo == writes[0].servo);
+        let own = own.count();
+        writes[..urgent].rotate_left(own);
     }
 
     /// A motor of which nobody knows whether it is off keeps its watchdog.

@@ -142,11 +142,19 @@ impl Bus {
         let is_heard = self.pass.answers[0] == Answer::Got;
         // One that answers is told again at once, others in the next cycle.
         self.writes_done |= !is_heard;
+        self.unheard += usize::from(!is_heard);
         if result.is_err() && self.pass.refused.is_none() {
-            self.write_tries += 1;
-            if self.write_tries < WRITE_TRIES && self.servos[write.servo].state.alive {
-                self.writes.push_front(Write { again: true, ..write });
-                self.let_urgent_pass();
+            let tries = match write.urgent {
+                true => write.tries + 1,
+                false => self.write_tries + 1,
+            };
+            self.write_tries = tries;
+            if tries < WRITE_TRIES && self.servos[write.servo].state.alive {
+                self.writes.push_front(Write { tries, ..write });
+                match write.urgent && !is_heard {
+                    true => self.let_other_offs_pass(),
+                    false => self.let_urgent_pass(),
+                }
                 return;
             }
         }
