@@ -192,6 +192,26 @@ def test_who_holds_a_motor_that_was_not_confirmed_is_told_so_and_it_is_let_go_wi
     servos.close()
 
 
+def test_a_motor_that_is_off_is_held_by_nobody_whose_request_has_failed(folder):
+    servos = Servos("--ids", "1-16")
+    on = {"cmd": "servo", "joint": "joint 5", "torque": True, "pwm_percent": 0}
+    with Daemon(folder / "d", SCENE, tick=TICK, joints=dynamixel(servos.path, allow_writes=True, watchdog_ms=2540)) as daemon:
+        daemon.wait_status(lambda s: s["joints"]["readings"] > 50, "nothing is read")
+        off = lambda s: s["joints"]["joints"][4]["torque_enabled"] is False and not s["problems"]  # noqa: E731
+        daemon.wait_status(off, "it is not known to be off")
+        servos.tell("fault 5 silent")
+        with connect(daemon.control_path) as client:
+            assert "is held by this connection" in ask(client, {**on, "hold_ms": 10_000})["error"]
+            servos.tell("mend 5")
+            # It asks on, so that it is not let go for its silence.
+            free = lambda: ask(client, {"cmd": "profile"})["ok"] and servo(daemon, "joint 5", "--torque", "on") == (0, "")  # noqa: E731
+            eventually(free, "it is held all the same")
+        # Nor is it let go when that one leaves: it is another's.
+        eventually(lambda: daemon.status()["control"]["clients"] == 1, "who has gone is kept")
+        assert servos.register(5, *TORQUE) == 1
+    servos.close()
+
+
 CHANGES = [
     {"cmd": "rezero"},
     {"cmd": "pause"},

@@ -24,6 +24,8 @@ struct Held {
     /// Number of the connection.
     by: u64,
     asker: Asker,
+    /// It is known what became of what its client has had the motor told last.
+    is_told: bool,
 }
 
 /// The motors that a connection holds. When it is dropped, however the connection ends, they are switched off.
@@ -110,6 +112,10 @@ impl<'a> Hold<'a> {
 
     /// Refuses to have the motor of a joint of this name told something where another client drives it.
     pub(super) fn refuse_other(&self, joint: usize, name: &str) -> Result<(), NotDone> {
+        let servos = self.reader.and_then(|reader| reader.servos.as_deref());
+        if servos.is_some_and(|servos| servos.is_off(joint)) {
+            self.end_others(joint);
+        }
         self.other_holder(joint).map_or(Ok(()), |holder| {
             Err(NotDone {
                 why: format!(
@@ -119,6 +125,23 @@ impl<'a> Hold<'a> {
                 held_by: Some(holder),
             })
         })
+    }
+
+    /// Ends another client's hold of a motor that is off, unless that may be about to be switched on.
+    fn end_others(&self, joint: usize) {
+        if self.other_holder(joint).is_some() {
+            let mut held = self.holders.held.borrow_mut();
+            held.retain(|held| held.joint != joint || !held.is_told);
+        }
+    }
+
+    /// It is known what became of what the client has had this motor told.
+    pub(super) fn is_told(&self, joint: usize) {
+        let mut held = self.holders.held.borrow_mut();
+        let own = held
+            .iter_mut()
+            .filter(|held| held.by == self.number && held.joint == joint);
+        own.for_each(|held| held.is_told = true);
     }
 
     /// When the client will have been silent for too long; `None` where it holds nothing, or waits for an answer.
@@ -198,11 +221,15 @@ impl<'a> Hold<'a> {
         if command == WriteCommand::Torque(false) || hold_ms.is_some() {
             held.retain(|held| held.joint != joint);
         }
+        for own in held.iter_mut().filter(|held| held.joint == joint) {
+            own.is_told = false;
+        }
         held.extend(hold_ms.map(|ms| Held {
             joint,
             patience: Duration::from_secs_f64(ms / 1e3),
             by: self.number,
             asker: self.asker,
+            is_told: false,
         }));
         self.changed.notify_waiters();
     }
@@ -328,6 +355,31 @@ mod tests {
         assert_eq!(is_free(0), [false, true]);
         drop(other);
         assert_eq!((is_free_of(&one, 0), is_free_of(&one, 1)), (true, true));
+    }
+
+    #[test]
+    fn the_hold_of_a_motor_that_is_off_ends_unless_it_may_be_about_to_be_switched_on() {
+        let (releases, holders) = Default::default();
+        let one = Hold::new(None, &releases, &holders, Asker::nobody());
+        let other = Hold::new(None, &releases, &holders, Asker::nobody());
+        let ends = || {
+            other.end_others(0);
+            one.patience().is_none()
+        };
+        ask(&one, (0, ON, Some(200.0)));
+        other.is_told(0);
+        assert!(!ends(), "it may be on its way");
+        one.is_told(0);
+        ask(&one, (0, ON, None));
+        assert!(!ends(), "it is started anew");
+        one.is_told(0);
+        other.end_others(1);
+        one.end_others(0);
+        assert!(
+            one.holds(0),
+            "another motor is off, and its own it may start anew"
+        );
+        assert!(ends() && is_free_of(&other, 0));
     }
 
     #[test]

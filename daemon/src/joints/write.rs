@@ -153,16 +153,19 @@ pub(crate) async fn write(
         .map_err(|refused| failed(why_not(servos, refused)))?;
     hold.note(joint, command, request.hold_ms);
     // It is taken while the port is away, and done when that is back.
-    let done =
-        match away(servos).filter(|_| is_off) {
-            Some(reason) => Err(reason),
-            None => confirmed(servos, joint, command, number).await.map_err(|error| {
-                match complaint(servos, joint) {
-                    Some(complaint) => format!("{error}; {complaint}"),
-                    None => error.to_string(),
-                }
-            }),
-        };
+    let done = match away(servos).filter(|_| is_off) {
+        Some(reason) => Err(reason),
+        None => {
+            let done = confirmed(servos, joint, command, number).await;
+            if done != Err(WriteError::Unconfirmed) {
+                hold.is_told(joint);
+            }
+            done.map_err(|error| match complaint(servos, joint) {
+                Some(complaint) => format!("{error}; {complaint}"),
+                None => error.to_string(),
+            })
+        }
+    };
     if let Err(why) = done {
         if is_off {
             hold.releases.asked(joint, number);

@@ -49,6 +49,9 @@ pub struct ServoState {
     pub identity: Option<ServoIdentity>,
     /// Whether its motor holds (Torque Enable): as the newest confirmed write has it, or it said since; `None` before both.
     pub torque_enabled: Option<bool>,
+    /// Whether it was told here to switch its motor on, and has not said since that it is off. What it was told may be lost,
+    /// or its answer.
+    pub may_run: bool,
     /// Whether its bus watchdog has stopped its motor (Bus Watchdog): as it said when it was asked last, while its motor was
     /// on, or as the newest confirmed write has it; `None` before both.
     pub watchdog_tripped: Option<bool>,
@@ -152,9 +155,6 @@ pub(crate) enum Watch {
 pub(crate) struct Servo {
     pub(crate) id: u8,
     pub(crate) state: ServoState,
-    /// Whether it was told here to switch its motor on, and has not said since that it is off. What it was told may be lost,
-    /// or its answer.
-    pub(crate) may_run: bool,
     /// Whether it was told here to switch its motor off, and not on since.
     pub(crate) is_to_be_off: bool,
     pub(crate) watch: Watch,
@@ -182,7 +182,6 @@ impl Servo {
         Self {
             id,
             state: ServoState::default(),
-            may_run: false,
             is_to_be_off: false,
             watch: Watch::default(),
             told_bytes: None,
@@ -237,7 +236,7 @@ impl Servo {
             address::TORQUE_ENABLE => {
                 self.state.torque_enabled = Some(value != 0);
                 if value == 0 {
-                    self.may_run = false;
+                    self.state.may_run = false;
                     self.state.motor_off.unconfirmed = false;
                     self.off = Rest::default();
                 } else {
@@ -333,7 +332,7 @@ impl Servo {
 
     /// Whether its motor may run here, and nobody wants it off.
     pub(crate) fn runs(&self) -> bool {
-        self.may_run && !self.state.motor_off.unconfirmed
+        self.state.may_run && !self.state.motor_off.unconfirmed
     }
 
     /// Its motor is to be off, and it may not have heard that: it is told again as soon as may be.
@@ -354,7 +353,7 @@ impl Servo {
 
     /// It is being told to switch its motor on.
     pub(crate) fn switched_on(&mut self) {
-        self.may_run = true;
+        self.state.may_run = true;
         self.is_to_be_off = false;
     }
 

@@ -205,7 +205,7 @@ mod tests {
             assert!(Task::Identity.take(servo, &[0; 11]));
         }
         servos[0].state.alert = true;
-        (servos[1].may_run, servos[1].watch) = (true, Watch::Doubted);
+        (servos[1].state.may_run, servos[1].watch) = (true, Watch::Doubted);
         let mut lane = SlowLane::default();
         let asked: Vec<_> = (0..200)
             .filter_map(|n| lane.next(&servos, n * 10_000_000))

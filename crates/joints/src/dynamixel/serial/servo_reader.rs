@@ -286,6 +286,14 @@ impl ServoReader {
         self.joints_with(|servo| servo.torque_enabled == Some(true))
     }
 
+    /// Whether a servo says that its motor is off, and was told nothing since that could switch it on. Of what it was told last
+    /// this is known once there is an outcome.
+    pub fn is_off(&self, joint: usize) -> bool {
+        let is_off =
+            |servo: &ServoState| servo.alive && !servo.may_run && servo.torque_enabled == Some(false);
+        lock(&self.shared).snapshot.servos.get(joint).is_some_and(is_off)
+    }
+
     fn joints_with(&self, holds: impl Fn(&ServoState) -> bool) -> Vec<usize> {
         let shared = lock(&self.shared);
         let servos = shared.snapshot.servos.iter().enumerate();

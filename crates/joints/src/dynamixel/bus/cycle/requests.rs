@@ -248,7 +248,7 @@ impl Bus {
             self.note(next.servo, next.number, Err(off));
         }
         let servo = &mut self.servos[failed.servo];
-        if torque && (servo.may_run || servo.state.torque_enabled == Some(true)) {
+        if torque && (servo.state.may_run || servo.state.torque_enabled == Some(true)) {
             servo.owe_off();
         }
     }

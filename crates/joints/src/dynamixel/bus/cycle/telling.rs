@@ -180,7 +180,7 @@ impl Bus {
             self.call_off_torque(&write);
         } else if write.is_motor_on() && result == Err(WriteError::NotHeld) {
             // It says that its motor is off.
-            self.servos[write.servo].may_run = false;
+            self.servos[write.servo].state.may_run = false;
         }
     }
 

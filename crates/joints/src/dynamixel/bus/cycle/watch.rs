@@ -31,7 +31,7 @@ impl Bus {
             (Task::State, [0, ..]) if self.is_settled(servo) && self.servos[servo].runs() => match was_on {
                 true => self.lose_motor(servo, MotorLost::GoneOff),
                 // That it was not switched on was told to whoever wanted it.
-                false => self.servos[servo].may_run = false,
+                false => self.servos[servo].state.may_run = false,
             },
             (Task::State, [torque, ..])
                 if *torque != 0 && self.servos[servo].is_to_be_off && self.is_settled(servo) =>
@@ -84,7 +84,7 @@ impl Bus {
         }
         self.servos[servo].state.motor_lost = Some(lost);
         match lost {
-            MotorLost::GoneOff => self.servos[servo].may_run = false,
+            MotorLost::GoneOff => self.servos[servo].state.may_run = false,
             _ => self.servos[servo].owe_off(),
         }
     }
