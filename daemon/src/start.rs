@@ -140,10 +140,14 @@ pub(crate) fn spawn_images(
     serving_thread("images", ready, async move || {
         let listener = UnixSeqpacketListener::try_from(listener).map_err(system("listen on a socket"))?;
         // Below the tick thread and that of the joints; the former has said why, if it is refused.
-        let priority = realtime.priority.saturating_sub(2);
-        if priority > 0 {
-            let _ = realtime::set_fifo(priority);
-        }
+        let be_urgent = move || {
+            let priority = realtime.priority.saturating_sub(2);
+            if priority > 0 {
+                let _ = realtime::set_fifo(priority);
+            }
+        };
+        be_urgent();
+        let seed = seed.with_second_hand(be_urgent);
         Ok(async move {
             tokio::select! {
                 _ = stopped => {}

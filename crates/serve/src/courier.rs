@@ -6,12 +6,10 @@
 use crate::delivery::Delivery;
 use crate::lane::Lane;
 use crate::message::Message;
-use crate::socket::are_writable;
+use crate::second_hand::Hands;
 use std::cell::{Cell, RefCell};
 use std::rc::Rc;
-
-/// Lanes whose sockets are asked for room in one call: few, so that the first are not kept waiting for the last.
-const ASKED_AT_ONCE: usize = 64;
+use std::sync::Arc;
 
 /// The lanes that a stream's messages are handed on to.
 #[derive(Debug, Default)]
@@ -47,25 +45,14 @@ impl Readers {
     }
 
     /// Hands a message on; says whether there is anybody to hand the next one to.
-    pub(crate) fn hand_on(&self, message: &Message) -> bool {
+    pub(crate) fn hand_on(&self, message: &Arc<Message>, hands: &Hands) -> bool {
         let (offered, woken) = (self.offered.borrow(), self.woken.borrow());
-        offered
-            .chunks(ASKED_AT_ONCE)
-            .for_each(|some| offer(message, some));
+        let lanes = offered.iter().map(|lane| &**lane);
+        let waiting: Vec<_> = lanes.filter(|lane| lane.waits_for(message)).collect();
+        hands.send(message, &waiting);
         woken.iter().for_each(|lane| lane.call(message));
         let are_there = !offered.is_empty() || !woken.is_empty();
         self.is_delivered.set(are_there);
         are_there
-    }
-}
-
-/// Offers a message to those of some lanes that wait for it.
-fn offer(message: &Message, lanes: &[Rc<Lane>]) {
-    let waiting = || lanes.iter().filter(|lane| lane.waits_for(message));
-    // Where the kernel cannot be asked, each lane's own task finds out why.
-    let writable = are_writable(waiting().map(|lane| &*lane.socket)).unwrap_or_default();
-    let mut writable = writable.into_iter();
-    for lane in waiting() {
-        lane.offer(message, writable.next().unwrap_or(false));
     }
 }

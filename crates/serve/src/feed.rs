@@ -10,6 +10,7 @@ use std::io::{self, IoSlice};
 use std::rc::Rc;
 use std::sync::Arc;
 use std::task::{Poll, ready};
+use std::time::Instant;
 
 /// One stream of messages to one subscriber.
 #[derive(Debug)]
@@ -30,7 +31,7 @@ impl Feed {
             stream.keep();
         }
         if stream.readers.join(lane, delivery) {
-            tokio::task::spawn_local(deliver(Rc::downgrade(stream), newest));
+            tokio::task::spawn_local(deliver(Rc::downgrade(stream), newest, lane.hands.clone()));
         }
         Self {
             stream: stream.clone(),
@@ -87,7 +88,7 @@ impl Feed {
             };
             let packet = [IoSlice::new(&header), IoSlice::new(&message.payload)];
             ready!(self.lane.socket.poll_send(cx, &packet, self.delivery.room()))?;
-            self.lane.note_sent(&message);
+            self.lane.note_sent(&message, Instant::now());
             Poll::Ready(Ok(()))
         })
         .await

@@ -6,10 +6,10 @@
 
 use crate::message::Message;
 use crate::pace::Pace;
+use crate::second_hand::{Hands, Packet};
 use crate::sent::Sent;
-use crate::socket::{Room, Socket};
+use crate::socket::Socket;
 use std::cell::Cell;
-use std::io::IoSlice;
 use std::rc::Rc;
 use std::sync::Arc;
 use std::time::Instant;
@@ -20,6 +20,8 @@ use tokio::sync::Notify;
 #[derive(Debug)]
 pub(crate) struct Lane {
     pub(crate) socket: Rc<Socket>,
+    /// What the courier sends with.
+    pub(crate) hands: Rc<Hands>,
     /// Counts of the subscriber, and of all together.
     counts: [Arc<Sent>; 2],
     /// Tick of the last message sent, for the count of those skipped in the header of the next; 0 before the first.
@@ -35,9 +37,10 @@ pub(crate) struct Lane {
 }
 
 impl Lane {
-    pub(crate) fn new(socket: &Rc<Socket>, counts: [Arc<Sent>; 2]) -> Rc<Self> {
+    pub(crate) fn new(socket: &Rc<Socket>, counts: [Arc<Sent>; 2], hands: &Rc<Hands>) -> Rc<Self> {
         Rc::new(Self {
             socket: socket.clone(),
+            hands: hands.clone(),
             counts,
             last: Cell::new(0),
             before: Cell::new(0),
@@ -99,14 +102,14 @@ impl Lane {
         Some(header.to_bytes())
     }
 
-    /// Notes that a message was sent.
-    pub(crate) fn note_sent(&self, message: &Message) {
+    /// Notes that a message was sent, and when.
+    pub(crate) fn note_sent(&self, message: &Message, at: Instant) {
         self.last.set(message.tick);
         let mut pace = self.pace.get();
         pace.note_sent(message.due);
         self.pace.set(pace);
         let [counts, of_all] = &self.counts;
-        counts.record(of_all, Instant::now(), message.due, message.tick);
+        counts.record(of_all, at, message.due, message.tick);
     }
 
     /// Messages after this tick are asked for from now on.
@@ -125,17 +128,23 @@ impl Lane {
         self.is_free.get() && message.tick > self.after()
     }
 
-    /// Sends a message if the socket takes it at once; otherwise the task is to.
-    pub(crate) fn offer(&self, message: &Message, is_writable: bool) {
-        let Some(header) = self.header(message) else {
-            return;
-        };
-        let packet = [IoSlice::new(&header), IoSlice::new(&message.payload)];
-        if is_writable && self.socket.try_send(&packet, Room::Any).is_ok() {
-            self.note_sent(message);
-        } else {
-            self.is_free.set(false);
-            self.wake.notify_one();
+    /// A message for this subscriber; `None` where there is none, or the socket is closed.
+    pub(crate) fn packet(&self, message: &Message) -> Option<Packet> {
+        Some(Packet {
+            socket: self.socket.descriptor()?,
+            header: self.header(message)?,
+            sent: None,
+        })
+    }
+
+    /// The courier has sent a message, at this time; or has not, and the task is to.
+    pub(crate) fn conclude(&self, message: &Message, sent: Option<Instant>) {
+        match sent {
+            Some(at) => self.note_sent(message, at),
+            None => {
+                self.is_free.set(false);
+                self.wake.notify_one();
+            }
         }
     }
 }

@@ -30,6 +30,7 @@ mod profile_maker;
 mod profiles;
 mod raw;
 mod registry;
+mod second_hand;
 mod sent;
 mod server;
 mod socket;

@@ -8,6 +8,7 @@ use crate::profile_maker::{DisplayProfile, ProfileMaker};
 use crate::profiles::{Profiles, start_own};
 use crate::raw::RawStream;
 use crate::registry::Registry;
+use crate::second_hand::{Hands, Prepare};
 use crate::turns::Turns;
 use std::cell::RefCell;
 use std::rc::Rc;
@@ -32,6 +33,8 @@ pub struct ServerSeed<M: ProfileMaker> {
     own: Started,
     handle: ServerHandle,
     requests: mpsc::Receiver<Request>,
+    /// What is run first on the thread that helps to send, if there is to be one.
+    second_hand: Option<Prepare>,
 }
 
 impl<M: ProfileMaker> ServerSeed<M> {
@@ -64,8 +67,18 @@ impl<M: ProfileMaker> ServerSeed<M> {
             own,
             handle,
             requests,
+            second_hand: None,
         };
         Ok((seed, table))
+    }
+
+    /// A second thread, `images 2`, sends messages too, where they go to more than 64 subscribers at once. `prepare` is
+    /// run on it first, as to give it the priority of the thread that serves. It ends with the server.
+    pub fn with_second_hand(self, prepare: impl FnOnce() + Send + 'static) -> Self {
+        Self {
+            second_hand: Some(Box::new(prepare)),
+            ..self
+        }
     }
 
     /// What the program's other threads have of the server.
@@ -79,6 +92,8 @@ pub struct Server<M: ProfileMaker> {
     pub(crate) registry: Registry,
     pub(crate) profiles: Profiles<M>,
     pub(crate) raw: RawStream,
+    /// What images are sent with.
+    pub(crate) hands: Rc<Hands>,
     pub(crate) handle: ServerHandle,
     requests: RefCell<Option<mpsc::Receiver<Request>>>,
     /// The task that lets subscribers in.
@@ -97,6 +112,7 @@ impl<M: ProfileMaker> Server<M> {
             registry: Registry::new(seed.limits),
             profiles: Profiles::new(seed.maker, seed.slots, seed.profiles, seed.wanted, seed.own),
             raw: RawStream::default(),
+            hands: Hands::new(seed.second_hand),
             handle: seed.handle,
             requests: RefCell::new(Some(seed.requests)),
             letting_in: RefCell::default(),

@@ -6,9 +6,10 @@
 
 use crate::courier::Readers;
 use crate::message::Message;
+use crate::second_hand::Hands;
 use std::cell::RefCell;
 use std::collections::VecDeque;
-use std::rc::Weak;
+use std::rc::{Rc, Weak};
 use std::sync::atomic::{AtomicUsize, Ordering};
 use std::sync::{Arc, mpsc};
 use std::time::Instant;
@@ -235,7 +236,11 @@ impl Stream {
 }
 
 /// The courier: hands on the newest message of a stream as it comes, until nobody reads it.
-pub(crate) async fn deliver(stream: Weak<Stream>, mut newest: watch::Receiver<Arc<Message>>) {
+pub(crate) async fn deliver(
+    stream: Weak<Stream>,
+    mut newest: watch::Receiver<Arc<Message>>,
+    hands: Rc<Hands>,
+) {
     while newest.changed().await.is_ok() {
         let message = newest.borrow_and_update().clone();
         let Some(stream) = stream.upgrade() else {
@@ -243,7 +248,7 @@ pub(crate) async fn deliver(stream: Weak<Stream>, mut newest: watch::Receiver<Ar
         };
         // However long the sockets of those are full that want every one.
         stream.collect();
-        if !stream.readers.hand_on(&message) {
+        if !stream.readers.hand_on(&message, &hands) {
             return;
         }
     }

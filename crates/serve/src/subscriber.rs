@@ -105,7 +105,8 @@ impl<'a, M: ProfileMaker> Subscriber<'a, M> {
         let shown = own.borrow_and_update().clone();
         let socket = Rc::new(socket);
         let registry = &server.registry;
-        let lane = |own: &Arc<Sent>, all: &Arc<Sent>| Lane::new(&socket, [own.clone(), all.clone()]);
+        let lane =
+            |own: &Arc<Sent>, all: &Arc<Sent>| Lane::new(&socket, [own.clone(), all.clone()], &server.hands);
         let image_lane = lane(&entry.images, &registry.images);
         let raw_lane = lane(&entry.raw_frames, &registry.raw_frames);
         let wants = Subscribe::default();
