@@ -13,7 +13,8 @@ from harness.lockstep import SWEEP
 from harness.recorder import marks, messages, recording, taxel
 from harness.servos import Servos
 from harness.touches import Touches, grasp
-from mcap.reader import make_reader
+from mcap.reader import NonSeekingReader, make_reader
+from mcap.writer import Writer
 from rosbags.highlevel import AnyReader
 
 
@@ -40,6 +41,21 @@ def full_images(path):
         if image.missing == 0 and not image.header.flags & taxel_reader.FLAG_CALIBRATING:
             images.append(content(image))
     return images
+
+
+def without_can(path, to):
+    """Writes a recording anew without its CAN traffic."""
+    with path.open("rb") as file, to.open("wb") as out:
+        writer, channels = Writer(out), {}
+        writer.start("ros2")
+        for schema, channel, message in NonSeekingReader(file).iter_messages(log_time_order=False):
+            if channel.topic == "/taxel/can":
+                continue
+            if channel.topic not in channels:
+                of = writer.register_schema(schema.name, schema.encoding, schema.data)
+                channels[channel.topic] = writer.register_channel(channel.topic, channel.message_encoding, of)
+            writer.add_message(channels[channel.topic], message.log_time, message.data, message.publish_time)
+        writer.finish()
 
 
 def test_a_recording_holds_what_was_sent_and_shown_and_gives_the_same_images(start, lockstep, folder, hand):
@@ -108,6 +124,49 @@ def test_a_part_that_begins_in_a_grasp_gives_the_contacts_that_were_shown(start,
     again = full_images(folder / "part.bin")
     assert len(again) >= len(live) - 1
     assert [image.contacts for image in again] == [image.contacts for image in live][-len(again) :]
+
+
+def test_what_is_made_anew_is_calibrated_and_paused_where_the_daemon_was(start, lockstep, folder, hand):
+    hands = [Touches.uneven(hand, seed=4)]
+    hands += [Touches(hand, hands[0].at_rest + [0, 0, drift]) for drift in (300, 700)]
+    daemon = start(conditioning=DAEMON_SETTINGS, sweep=SWEEP)
+    out, live = folder / "day.mcap", []
+
+    def said(kind):
+        return any(log.name == kind for _, _, log in messages(out).get("/rosout", []))
+
+    with recording(daemon, out) as recorder:
+        driver = lockstep(daemon)
+
+        def show(touches, frames=slice(None)):
+            shown = [driver.step(counts) for counts in list(grasp(touches))[frames]]
+            live.extend(shown)
+            return [image.contacts for image in shown]
+
+        assert show(hands[0])[-1] == 0
+        assert min(show(hands[1], slice(3))) > 100
+        driver.rezero()
+        assert show(hands[1])[-2:] != [0, 0]
+        assert daemon.control("pause")["ok"]
+        assert show(hands[1], slice(8, None)) == [0] * 7
+        eventually(lambda: said("paused"), lambda: f"no pause comes into the file: {recorder.said}")
+        assert daemon.control("resume")["ok"]
+        assert show(hands[1], slice(8, 10)) != [0, 0]
+        eventually(lambda: said("resumed"), lambda: f"no end of the pause comes into the file: {recorder.said}")
+        assert daemon.stop() == 0
+        daemon.start()
+        recorder.is_subscribed()
+        driver = lockstep(daemon)
+        assert show(hands[2])[-2:] != [0, 0]
+        eventually(lambda: len(messages(out).get("/taxel/images", [])) >= len(live), lambda: recorder.said)
+        assert recorder.end() == 0, recorder.said
+
+    shown = [content(i) for i in live if not i.header.flags & taxel_reader.FLAG_CALIBRATING]
+    frames = folder / "frames.mcap"
+    without_can(out, frames)
+    for recorded in (out, frames):
+        taxel("compress", recorded, "--config", daemon.config, "--out", folder / "again.bin")
+        assert full_images(folder / "again.bin") == shown, recorded
 
 
 def test_joint_angles_are_joint_states_to_the_tools_of_others(folder):

@@ -12,6 +12,7 @@ use taxel_can::SourceAddress;
 use taxel_engine::TickMode;
 use taxel_hand::{Profile, did_you_mean};
 use taxel_playback::calibrated::at_the_beginning;
+use taxel_playback::daemon_changes::DaemonChanges;
 use taxel_playback::log_interfaces::interfaces_of_buses;
 use taxel_playback::pipeline::{Emit, run_counts, run_magnitudes, run_traffic};
 use taxel_playback::scene_input;
@@ -203,12 +204,18 @@ impl OfflineArgs {
     /// Takes the recording through the daemon's pipeline, or magnitudes as they are, and shows what the skin feels.
     pub(crate) fn run(&self, input: &Input, config: &Config, emit: &mut Emit<'_>) -> anyhow::Result<()> {
         let mut engine = config.engine(false)?;
-        if let Some(head) = self.input.head()? {
+        let head = self.input.head()?;
+        if let Some(head) = head {
             engine.calibrated = at_the_beginning(head, config)?;
         }
+        let changes = head.map(|head| DaemonChanges::new(head, config)).transpose()?;
         match input {
             Input::Frames(recording) if !recording.has_counts() => self.magnitudes(recording, config, emit),
-            Input::Frames(recording) => run_counts(recording, &engine, self.input.tile, emit),
+            Input::Frames(recording) => {
+                let changes = changes.zip(head).map(|(changes, head)| changes.of_frames(head));
+                let changes = changes.transpose()?.unwrap_or_default();
+                run_counts(recording, &engine, changes, self.input.tile, emit)
+            }
             Input::Scene(scene) => scene_input::run(scene, config, emit),
             Input::Log(traffic) => {
                 let (joints, skin): (Vec<_>, Vec<_>) = self
@@ -219,7 +226,7 @@ impl OfflineArgs {
                 let joints = interface_of_joints(traffic, config, &joints)?;
                 let mut interfaces = interfaces_of_buses(traffic, config, &skin, joints.as_deref())?;
                 interfaces.extend(joints);
-                run_traffic(traffic, &interfaces, &engine, emit)
+                run_traffic(traffic, &interfaces, &engine, changes, emit)
             }
         }
     }

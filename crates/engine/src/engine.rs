@@ -1,5 +1,6 @@
 //! The engine: CAN frames, joint readings and times in; tactile frames and commands to boards out.
 
+use crate::change::{Change, Changes};
 use crate::command::Command;
 use crate::config::EngineConfig;
 use crate::frames::Frames;
@@ -48,6 +49,8 @@ pub struct Engine {
     joints_bus: Option<u8>,
     schedule: Schedule,
     paused: bool,
+    /// What a recorded daemon was told.
+    changes: Changes,
     frames: Frames,
     /// Up to when ticks are made before what is at hand is looked at.
     until_ns: u64,
@@ -113,6 +116,7 @@ impl Engine {
             joints_bus: config.joints.as_ref().and_then(|joints| joints.bus),
             schedule,
             paused: false,
+            changes: Changes::default(),
             frames,
             until_ns: 0,
             at_hand: AtHand::Nothing,
@@ -145,6 +149,12 @@ impl Engine {
     fn reach(&mut self, now_ns: u64) {
         self.bus_monitor.advance(now_ns);
         self.until_ns = now_ns;
+    }
+
+    /// From the first tick on that feels what came at `t_ns` or later, the hand is felt as a recorded daemon's was after this
+    /// change. It takes memory, and is for recordings.
+    pub fn handle_change(&mut self, t_ns: u64, change: Box<Change>) {
+        self.changes.push(t_ns, change);
     }
 
     /// Has the readings of a source of joints (0 the joints' own, 1 the potentiometers beside it) that come over no CAN bus
@@ -244,10 +254,9 @@ impl Engine {
         self.frames.due_ns = now_ns;
         self.sweep.take(now_ns, &mut self.frames.tactile);
         self.joints.fill(&mut self.frames.tactile);
-        self.frames.feel(&mut self.conditioner);
-        if self.paused {
-            self.frames.force.contact.fill(false);
-        }
+        let t_ns = self.frames.tactile.t_ns;
+        self.changes.make(t_ns, &mut self.conditioner, &mut self.paused);
+        self.frames.feel(&mut self.conditioner, self.paused);
         &self.frames
     }
 

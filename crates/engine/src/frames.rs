@@ -29,9 +29,12 @@ impl Frames {
         }
     }
 
-    /// What the skin feels of the tactile frame at hand, and above which baseline.
-    pub(crate) fn feel(&mut self, conditioner: &mut Conditioner) {
+    /// What the skin feels of the tactile frame at hand, and above which baseline; no contact while `paused`.
+    pub(crate) fn feel(&mut self, conditioner: &mut Conditioner, paused: bool) {
         conditioner.process(&self.tactile, &mut self.force);
+        if paused {
+            self.force.contact.fill(false);
+        }
         for (taxel, (baseline, known)) in self.baseline.iter_mut().zip(conditioner.baseline()).enumerate() {
             *baseline = match conditioner.has_baseline(taxel) {
                 true => known.map(|counts| counts as f32),

@@ -10,6 +10,7 @@
 //!
 //! Of frames, [`Display`] makes tactile images and IMAGE messages, [`RawFrames`] RAW messages.
 
+mod change;
 mod command;
 mod config;
 mod display;
@@ -19,6 +20,7 @@ mod raw;
 mod recorded;
 mod schedule;
 
+pub use change::{Change, Recorded};
 pub use command::Command;
 pub use config::{EngineConfig, EngineJoints, TickConfig, TickMode};
 pub use display::{Display, RegionError, resolve_region};

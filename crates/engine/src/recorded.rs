@@ -1,21 +1,21 @@
 //! A whole recording at once.
 
+use crate::change::{Change, Changes, Recorded};
 use crate::config::EngineConfig;
 use crate::engine::{Engine, EngineError};
 use crate::frames::Frames;
 use std::ops::ControlFlow;
-use taxel_can::Received;
 use taxel_hand::TactileFrame;
 
 /// Runs a whole recording through an engine, in the recording's own time: the offline path of `taxel compress`. What it
 /// feels is bit for bit what the daemon feels of the same recording, and [`Display`](crate::Display) makes the same images
 /// of it.
 ///
-/// `frames` are in the order of their times, which start at zero. After the last frame, ticks go on
-/// until `end_ns`. `emit` is given what each tick felt; where it breaks off, nothing more is made.
+/// `frames`, and what a daemon did meanwhile, are in the order of their times, which start at zero. After the last frame,
+/// ticks go on until `end_ns`. `emit` is given what each tick felt; where it breaks off, nothing more is made.
 pub fn run_recorded(
     config: &EngineConfig,
-    frames: impl IntoIterator<Item = (u8, Received)>,
+    frames: impl IntoIterator<Item = impl Into<Recorded>>,
     end_ns: Option<u64>,
     mut emit: impl FnMut(&Frames) -> ControlFlow<()>,
 ) -> Result<(), EngineError> {
@@ -28,7 +28,14 @@ pub fn run_recorded(
         ControlFlow::Continue(())
     };
     let mut last_ns = 0;
-    for (bus, received) in frames {
+    for recorded in frames {
+        let (bus, received) = match recorded.into() {
+            Recorded::Frame(bus, received) => (bus, received),
+            Recorded::Change(t_ns, change) => {
+                engine.handle_change(t_ns, change);
+                continue;
+            }
+        };
         last_ns = received.t_ns;
         engine.handle_frame(bus, &received);
         if make_due(&mut engine).is_break() {
@@ -41,20 +48,27 @@ pub fn run_recorded(
 }
 
 /// Runs tactile frames that are whole already, as recorded ones are, whatever is missing in them: a tick for each,
-/// through the same conditioning, and no sweep to be put together.
+/// through the same conditioning, and no sweep to be put together. `changes` are what the daemon did meanwhile, each before
+/// the first frame of its time or a later one.
 ///
 /// `fill` makes the next frame of the one before it, in the order of their times, and says whether there was one: counts,
 /// their age, whether they are fresh, and joints. `emit` is given what each felt; where it breaks off, nothing more is made.
 pub fn run_whole_frames(
     config: &EngineConfig,
+    changes: Vec<(u64, Box<Change>)>,
     mut fill: impl FnMut(&mut TactileFrame) -> bool,
     mut emit: impl FnMut(&Frames) -> ControlFlow<()>,
 ) -> Result<(), EngineError> {
     let mut conditioner = config.conditioner()?;
     let mut frames = Frames::new(config.layout.len());
+    let (mut ahead, mut paused) = (Changes::default(), false);
+    changes
+        .into_iter()
+        .for_each(|(t_ns, change)| ahead.push(t_ns, change));
     while fill(&mut frames.tactile) {
         frames.due_ns = frames.tactile.t_ns;
-        frames.feel(&mut conditioner);
+        ahead.make(frames.due_ns, &mut conditioner, &mut paused);
+        frames.feel(&mut conditioner, paused);
         if emit(&frames).is_break() {
             break;
         }

@@ -8,6 +8,8 @@ use taxel_hand::{Freshness, Profile};
 use taxel_sim::{Scene, Simulator};
 use taxel_skin::Layout;
 
+const NO_FRAMES: [(u8, Received); 0] = [];
+
 fn config(mode: TickMode, rate_hz: f64) -> EngineConfig {
     let layout = Layout::builtin("allegro-uskin-15").unwrap();
     let mut config = EngineConfig::new(layout);
@@ -149,7 +151,7 @@ fn a_silent_hand_still_gives_images_that_say_so() {
         let config = config(mode, 30.0);
         let mut missing = Vec::new();
         let mut display = display(&config);
-        run_recorded(&config, [], Some(1_000_000_000), |frames| {
+        run_recorded(&config, NO_FRAMES, Some(1_000_000_000), |frames| {
             missing.push(display.compress(frames).missing);
             ControlFlow::Continue(())
         })

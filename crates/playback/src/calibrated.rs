@@ -17,7 +17,7 @@ pub fn at_the_beginning(head: &Head, config: &Config) -> anyhow::Result<Option<C
         return Ok(None);
     }
     let is_of_it = is_of_it(head, config)?;
-    let window_ns = config.conditioning.calibration_ms.saturating_mul(MS);
+    let window_ns = window_ns(config);
     let (mut began_ns, mut touched) = (None, vec![false; config.layout.len()]);
     while let Some(item) = reader.next_item()? {
         let Item::Message { wall_ns, data, .. } = item else {
@@ -29,9 +29,9 @@ pub fn at_the_beginning(head: &Head, config: &Config) -> anyhow::Result<Option<C
         if frame.contacts().len() != touched.len() {
             return Ok(None);
         }
-        let is_first = began_ns.is_none();
-        if is_first && is_of_it && !frame.is_calibrating && frame.baselines().len() > 0 {
-            return Ok(Some(calibrated(&frame)));
+        // Behind the first it is a change (`DaemonChanges`).
+        if is_of_it && !frame.is_calibrating && frame.baselines().len() > 0 {
+            return Ok(began_ns.is_none().then(|| calibrated(&frame)));
         }
         if wall_ns.saturating_sub(*began_ns.get_or_insert(wall_ns)) > window_ns.min(HEAD_NS) {
             break;
@@ -52,8 +52,13 @@ pub fn at_the_beginning(head: &Head, config: &Config) -> anyhow::Result<Option<C
     Ok(None)
 }
 
+/// How long this configuration calibrates, nanoseconds.
+pub(crate) fn window_ns(config: &Config) -> u64 {
+    config.conditioning.calibration_ms.saturating_mul(MS)
+}
+
 /// Whether the daemon calibrated as this configuration says, as far as the recording tells.
-fn is_of_it(head: &Head, config: &Config) -> anyhow::Result<bool> {
+pub(crate) fn is_of_it(head: &Head, config: &Config) -> anyhow::Result<bool> {
     if let Some(recorded) = head.config()? {
         return Ok(recorded.conditioning == config.conditioning);
     }
@@ -61,7 +66,7 @@ fn is_of_it(head: &Head, config: &Config) -> anyhow::Result<bool> {
     Ok(unit == Some(config.force_unit()))
 }
 
-fn calibrated(frame: &RecordedFrame<'_>) -> Calibrated {
+pub(crate) fn calibrated(frame: &RecordedFrame<'_>) -> Calibrated {
     Calibrated {
         threshold: frame.threshold.into(),
         baseline: frame.baselines().collect(),

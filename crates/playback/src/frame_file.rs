@@ -1,5 +1,6 @@
 //! A file of CAN traffic while it is read, frame by frame.
 
+use crate::daemon_changes::{DaemonChange, DaemonChanges};
 use crate::progress::Progress;
 use crate::recorded::rest;
 use crate::traffic::{BLOCK, Traffic};
@@ -126,12 +127,21 @@ enum Lines {
         /// The same open file, which knows how far it was read.
         file: Option<File>,
     },
-    Mcap(Box<CanReader>),
+    Mcap(Box<CanReader>, Option<DaemonChanges>),
 }
 
 impl<'a> FrameFile<'a> {
     /// From the beginning, of these interfaces, or of all.
     pub(crate) fn open(traffic: &'a Traffic, names: Option<&'a [String]>) -> anyhow::Result<Self> {
+        Self::open_with(traffic, names, None)
+    }
+
+    /// The same, and of an MCAP recording what its daemon did meanwhile.
+    pub(crate) fn open_with(
+        traffic: &'a Traffic,
+        names: Option<&'a [String]>,
+        changes: Option<DaemonChanges>,
+    ) -> anyhow::Result<Self> {
         let path = traffic.path();
         let lines = match traffic.is_candump() {
             true => {
@@ -142,7 +152,10 @@ impl<'a> FrameFile<'a> {
                     log: Box::new(LogReader::new(BufReader::with_capacity(BLOCK, file))),
                 }
             }
-            false => Lines::Mcap(Box::new(CanReader::open(path)?)),
+            false => {
+                let others = changes.as_ref().map_or(&[][..], |_| &DaemonChanges::TOPICS);
+                Lines::Mcap(Box::new(CanReader::open_with(path, others)?), changes)
+            }
         };
         Ok(Self {
             path,
@@ -181,7 +194,11 @@ impl<'a> FrameFile<'a> {
                 }
                 Some(Err(error)) => Err(error.into()),
             },
-            Lines::Mcap(reader) => match reader.next_frame()? {
+            Lines::Mcap(reader, changes) => match reader.next_frame_with(&mut |topic, wall_ns, data| {
+                if let Some(changes) = changes {
+                    changes.take(topic, wall_ns, data);
+                }
+            })? {
                 None => return self.end(),
                 Some((bus, received)) => {
                     self.frames += 1;
@@ -226,7 +243,7 @@ impl<'a> FrameFile<'a> {
                     }
                 }
             }
-            Lines::Mcap(reader) => {
+            Lines::Mcap(reader, _) => {
                 while let Some((bus, received)) = reader.next_frame()? {
                     let wall_ns = reader.wall_ns(received.t_ns);
                     take(&reader.names()[bus], wall_ns, &received)?;
@@ -256,7 +273,7 @@ impl<'a> FrameFile<'a> {
     fn nothing(&mut self) -> anyhow::Error {
         let problem = match &mut self.lines {
             Lines::Candump { left_out, .. } => left_out.first.take(),
-            Lines::Mcap(_) => None,
+            Lines::Mcap(..) => None,
         };
         let nothing = format!("{}: no CAN frame in it", self.path.display());
         match problem {
@@ -265,11 +282,19 @@ impl<'a> FrameFile<'a> {
         }
     }
 
+    /// What the daemon did next, of what stands before the entry that was given last; its time is on the clock of the frames.
+    pub(crate) fn next_change(&mut self) -> Option<DaemonChange> {
+        match &mut self.lines {
+            Lines::Mcap(_, Some(changes)) => changes.next(),
+            _ => None,
+        }
+    }
+
     /// The number of the line, or of the frame, that was given last.
     pub(crate) fn number(&self) -> u64 {
         match &self.lines {
             Lines::Candump { log, .. } => log.line_number(),
-            Lines::Mcap(_) => self.frames,
+            Lines::Mcap(..) => self.frames,
         }
     }
 
@@ -277,14 +302,14 @@ impl<'a> FrameFile<'a> {
     pub(crate) fn position(&mut self) -> Option<u64> {
         match &mut self.lines {
             Lines::Candump { file, .. } => file.as_mut()?.stream_position().ok(),
-            Lines::Mcap(reader) => Some(reader.position()),
+            Lines::Mcap(reader, _) => Some(reader.position()),
         }
     }
 
     /// Where the frame that was given last is of another hand than the first ones: what is to be said where only those are
     /// wanted.
     pub(crate) fn another_hand(&self) -> Option<String> {
-        let Lines::Mcap(reader) = &self.lines else {
+        let Lines::Mcap(reader, _) = &self.lines else {
             return None;
         };
         let (layout, began_ns) = reader.another_hand()?;
@@ -311,7 +336,7 @@ impl<'a> FrameFile<'a> {
                 log.without_time()
             ),
             Lines::Candump { .. } => {}
-            Lines::Mcap(reader) => tell_left_out(self.path, reader),
+            Lines::Mcap(reader, _) => tell_left_out(self.path, reader),
         }
         let left_out = self.interfaces.left_out();
         if !left_out.is_empty() {

@@ -15,6 +15,7 @@ macro_rules! eprintln {
 pub mod array_frames;
 mod bus_orders;
 pub mod calibrated;
+pub mod daemon_changes;
 mod fitted;
 mod frame_file;
 pub mod head;

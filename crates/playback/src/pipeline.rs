@@ -1,13 +1,13 @@
 //! The daemon's pipeline for frames that were recorded or made: what each instant felt is shown to whoever asked.
 
+use crate::daemon_changes::{DaemonChange, DaemonChanges};
 use crate::progress::Progress;
 use crate::recorded_buses::read_ahead;
 use crate::sweep::{Sweeps, can_carry_counts};
 use crate::traffic::Traffic;
 use crate::whole_frames::WholeFrames;
 use std::ops::ControlFlow;
-use taxel_can::Received;
-use taxel_engine::{EngineConfig, EngineError, Frames, TickMode, run_recorded, run_whole_frames};
+use taxel_engine::{EngineConfig, EngineError, Frames, Recorded, TickMode, run_recorded, run_whole_frames};
 use taxel_hand::{Fault, Faults, ForceFrame, TactileFrame};
 use taxel_record::Recording;
 
@@ -42,11 +42,11 @@ impl std::ops::Deref for Measured<'_> {
     }
 }
 
-/// Takes CAN frames, in the order of their times, through the daemon's pipeline; stops at a failure
-/// to show what comes out.
+/// Takes CAN frames, and what a daemon did meanwhile, in the order of their times, through the daemon's pipeline; stops at
+/// a failure to show what comes out.
 pub(crate) fn pipeline(
     config: &EngineConfig,
-    frames: impl Iterator<Item = (u8, Received)>,
+    frames: impl Iterator<Item = impl Into<Recorded>>,
     emit: &mut Emit<'_>,
 ) -> anyhow::Result<()> {
     showing(emit, |take| run_recorded(config, frames, None, take))
@@ -103,23 +103,27 @@ pub(crate) fn emit_at(emit: &mut Emit<'_>, t_ns: u64, angles: &[f32], felt: &Fel
     })
 }
 
-/// Takes recorded traffic through the pipeline, the interface of each bus as named.
+/// Takes recorded traffic through the pipeline, the interface of each bus as named, with what its daemon did meanwhile.
 pub fn run_traffic(
     traffic: &Traffic,
     interfaces: &[String],
     config: &EngineConfig,
+    changes: Option<DaemonChanges>,
     emit: &mut Emit<'_>,
 ) -> anyhow::Result<()> {
-    read_ahead(traffic, interfaces, |frames| pipeline(config, frames, emit))
+    read_ahead(traffic, interfaces, changes, |frames| {
+        pipeline(config, frames, emit)
+    })
 }
 
 /// Takes recorded counts through the pipeline, at their recorded times. Each recorded frame is a frame, since the
 /// recording says which values belong together: as what boards would have sent, or as it is where they have no CAN frame
 /// for each taxel. Boards at a fixed tick are sampled instead, as a daemon samples them. With `tile`, the recording of one
-/// module is repeated on every module of the hand.
+/// module is repeated on every module of the hand. `changes` are what its daemon did, at times of the recording.
 pub fn run_counts(
     recording: &Recording,
     config: &EngineConfig,
+    changes: Vec<DaemonChange>,
     tile: bool,
     emit: &mut Emit<'_>,
 ) -> anyhow::Result<()> {
@@ -133,9 +137,15 @@ pub fn run_counts(
         );
     }
     if !can_carry_counts(&config.layout) {
-        return run_whole(WholeFrames::bare(recording, &config.layout, tile)?, config, emit);
+        let frames = WholeFrames::bare(recording, &config.layout, tile)?;
+        return run_whole(frames, config, changes, emit);
     }
     let sweeps = Sweeps::new(recording, &config.layout, tile)?;
+    // The time of a frame is that of its newest reading.
+    let times: Vec<u64> = (0..recording.len()).map(|frame| recording.t_ns(frame)).collect();
+    let frame_from = |t_ns| times.partition_point(|time| *time < t_ns).min(times.len() - 1);
+    let played = |(t_ns, change)| (sweeps.end_ns(frame_from(t_ns)), change);
+    let changes = changes.into_iter().map(played).collect();
     match config.tick.mode {
         TickMode::Timer => {
             eprintln!(
@@ -144,34 +154,46 @@ pub fn run_counts(
                 recording.name(),
                 config.tick.rate_hz
             );
-            run_sampled(&sweeps, config, emit)
+            run_sampled(&sweeps, config, changes, emit)
         }
-        TickMode::Sweep => run_whole(WholeFrames::of_boards(&sweeps), config, &mut |felt| {
+        TickMode::Sweep => run_whole(WholeFrames::of_boards(&sweeps), config, changes, &mut |felt| {
             let index = sweeps.index_at(felt.force.t_ns);
             emit_at(emit, sweeps.time_ns(index), &[], felt)
         }),
     }
 }
 
-fn run_sampled(sweeps: &Sweeps<'_>, config: &EngineConfig, emit: &mut Emit<'_>) -> anyhow::Result<()> {
+fn run_sampled(
+    sweeps: &Sweeps<'_>,
+    config: &EngineConfig,
+    changes: Vec<DaemonChange>,
+    emit: &mut Emit<'_>,
+) -> anyhow::Result<()> {
     let (recording, origin_ns) = (sweeps.recording(), sweeps.origin_ns());
     let total = recording.len() as u64 * config.layout.len() as u64;
     let progress = Progress::new(total, "frames");
     let frames = sweeps.frames().inspect(|_| progress.advance(1));
-    pipeline(config, frames, &mut |felt| {
+    let changes = changes.into_iter();
+    let changes = changes.map(|(t_ns, change)| Recorded::Change(t_ns, change));
+    pipeline(config, changes.chain(frames.map(Recorded::from)), &mut |felt| {
         let played_ns = felt.force.t_ns;
         let angles = recording.joints(sweeps.index_at(played_ns));
         emit_at(emit, origin_ns + played_ns, angles, felt)
     })
 }
 
-fn run_whole(mut frames: WholeFrames<'_>, config: &EngineConfig, emit: &mut Emit<'_>) -> anyhow::Result<()> {
+fn run_whole(
+    mut frames: WholeFrames<'_>,
+    config: &EngineConfig,
+    changes: Vec<DaemonChange>,
+    emit: &mut Emit<'_>,
+) -> anyhow::Result<()> {
     let progress = Progress::new(frames.len(), "frames");
     let fill = |frame: &mut TactileFrame| {
         progress.advance(1);
         frames.fill(frame)
     };
-    showing(emit, |take| run_whole_frames(config, fill, take))
+    showing(emit, |take| run_whole_frames(config, changes, fill, take))
 }
 
 /// Shows magnitudes, which are forces already; contacts begin above `threshold` and end at `release`.

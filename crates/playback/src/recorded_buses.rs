@@ -1,11 +1,13 @@
 //! The frames of the buses of a recording, as a daemon takes them.
 
+use crate::daemon_changes::{DaemonChange, DaemonChanges};
 use crate::frame_file::{Entry, FrameFile};
 use crate::progress::Progress;
 use crate::traffic::Traffic;
 use std::sync::mpsc::{Receiver, SyncSender, sync_channel};
 use std::thread;
 use taxel_can::{LogClock, Received};
+use taxel_engine::Recorded;
 
 /// How far the frames of a file may be from the order of their times, nanoseconds: as far as a [`LogClock`] goes back.
 const DISORDER_NS: u64 = 1_000_000_000;
@@ -20,20 +22,29 @@ const AHEAD: usize = 2;
 /// A frame and the number of its bus.
 type BusFrame = (u8, Received);
 
+/// What was read at once.
+struct Stretch {
+    /// What the daemon did, up to a second ahead of the frames.
+    changes: Vec<DaemonChange>,
+    frames: Vec<BusFrame>,
+}
+
 /// Reads the frames of the buses that have these names in the recording, on a thread of its own, and shows them to `take` in
-/// the order of their times, and of their buses where these are equal. Says what of the recording was not taken as it
+/// the order of their times, and of their buses where these are equal. What its daemon did is there before the frames of that
+/// time. Says what of the recording was not taken as it
 /// stands there.
 pub(crate) fn read_ahead<T>(
     traffic: &Traffic,
     names: &[String],
-    take: impl FnOnce(&mut dyn Iterator<Item = BusFrame>) -> anyhow::Result<T>,
+    changes: Option<DaemonChanges>,
+    take: impl FnOnce(&mut dyn Iterator<Item = Recorded>) -> anyhow::Result<T>,
 ) -> anyhow::Result<T> {
     thread::scope(|scope| {
         let (sender, stretches) = sync_channel(AHEAD);
         let reading = thread::Builder::new()
             .name("recording".into())
-            .spawn_scoped(scope, move || Buses::open(traffic, names)?.read(&sender))?;
-        let taken = take(&mut frames(stretches));
+            .spawn_scoped(scope, move || Buses::open(traffic, names, changes)?.read(&sender))?;
+        let taken = take(&mut recorded(stretches));
         let read = reading
             .join()
             .unwrap_or_else(|panic| std::panic::resume_unwind(panic));
@@ -41,9 +52,13 @@ pub(crate) fn read_ahead<T>(
     })
 }
 
-/// The frames of stretch after stretch; what reads them ends when this is dropped.
-fn frames(stretches: Receiver<Vec<BusFrame>>) -> impl Iterator<Item = BusFrame> {
-    stretches.into_iter().flatten()
+/// Stretch after stretch; what reads them ends when this is dropped.
+fn recorded(stretches: Receiver<Stretch>) -> impl Iterator<Item = Recorded> {
+    stretches.into_iter().flat_map(|stretch| {
+        let changes = stretch.changes.into_iter();
+        let changes = changes.map(|(t_ns, change)| Recorded::Change(t_ns, change));
+        changes.chain(stretch.frames.into_iter().map(Recorded::from))
+    })
 }
 
 /// The buses of a recording while it is read.
@@ -55,12 +70,18 @@ struct Buses<'a> {
     of_interface: Vec<Vec<usize>>,
     /// Time up to which each interface was read.
     newest_ns: Vec<u64>,
+    /// The time of the frame that was read last, as it stands there, and since the first.
+    last: Option<[u64; 2]>,
     progress: Progress,
 }
 
 impl<'a> Buses<'a> {
-    fn open(traffic: &'a Traffic, names: &'a [String]) -> anyhow::Result<Self> {
-        let file = FrameFile::open(traffic, Some(names))?;
+    fn open(
+        traffic: &'a Traffic,
+        names: &'a [String],
+        changes: Option<DaemonChanges>,
+    ) -> anyhow::Result<Self> {
+        let file = FrameFile::open_with(traffic, Some(names), changes)?;
         let of_name = |name: &String| (0..names.len()).filter(|bus| names[*bus] == *name).collect();
         Ok(Self {
             traffic,
@@ -68,13 +89,14 @@ impl<'a> Buses<'a> {
             clock: LogClock::default(),
             of_interface: names.iter().map(of_name).collect(),
             newest_ns: vec![0; names.len()],
+            last: None,
             progress: Progress::bytes(traffic.bytes()),
         })
     }
 
     /// Hands stretch after stretch over until the end, or until nobody takes them.
-    fn read(mut self, to: &SyncSender<Vec<BusFrame>>) -> anyhow::Result<()> {
-        let mut waiting: Vec<BusFrame> = Vec::new();
+    fn read(mut self, to: &SyncSender<Stretch>) -> anyhow::Result<()> {
+        let (mut waiting, mut changes): (Vec<BusFrame>, _) = (Vec::new(), Vec::new());
         let mut ended = false;
         while !ended {
             let mut newest_ns = waiting.last().map_or(0, |(_, received)| received.t_ns);
@@ -88,6 +110,7 @@ impl<'a> Buses<'a> {
                     }
                     None => ended = true,
                 }
+                self.take_changes(&mut changes);
             }
             if let Some(position) = self.file.position() {
                 self.progress.advance_to(position);
@@ -101,7 +124,11 @@ impl<'a> Buses<'a> {
                 false => waiting.partition_point(|(_, received)| received.t_ns < safe_ns),
             };
             let later = waiting.split_off(ready);
-            if to.send(std::mem::replace(&mut waiting, later)).is_err() {
+            let stretch = Stretch {
+                changes: std::mem::take(&mut changes),
+                frames: std::mem::replace(&mut waiting, later),
+            };
+            if to.send(stretch).is_err() {
                 return Ok(());
             }
         }
@@ -118,6 +145,17 @@ impl<'a> Buses<'a> {
         Ok(())
     }
 
+    /// What the daemon did, its times as those of the frames beside it are played.
+    fn take_changes(&mut self, to: &mut Vec<DaemonChange>) {
+        let Some([stamp_ns, since_ns]) = self.last else {
+            return;
+        };
+        while let Some((t_ns, change)) = self.file.next_change() {
+            let ahead_ns = t_ns.wrapping_sub(stamp_ns) as i64;
+            to.push((since_ns.saturating_add_signed(ahead_ns), change));
+        }
+    }
+
     /// The next frame of one of the interfaces, at a time that is not before that of its last.
     fn next(&mut self) -> anyhow::Result<Option<(usize, Received)>> {
         while let Some(entry) = self.file.next_entry()? {
@@ -128,6 +166,7 @@ impl<'a> Buses<'a> {
                 continue;
             };
             let since_ns = self.clock.since_first_ns(received.t_ns, self.file.number());
+            self.last = Some([received.t_ns, since_ns]);
             if let Some(place) = place {
                 let newest = &mut self.newest_ns[place];
                 *newest = since_ns.max(*newest);
@@ -171,9 +210,12 @@ mod tests {
         std::fs::write(&path, "(1.000000) can0 001#\n".repeat(lines)).unwrap();
         let (sender, stretches) = sync_channel(AHEAD);
         let (traffic, names) = (Traffic::candump(&path), ["can0".to_owned()]);
-        Buses::open(&traffic, &names).unwrap().read(&sender).unwrap();
+        Buses::open(&traffic, &names, None)
+            .unwrap()
+            .read(&sender)
+            .unwrap();
         drop(sender);
-        let lengths: Vec<usize> = stretches.iter().map(|stretch| stretch.len()).collect();
+        let lengths: Vec<usize> = stretches.iter().map(|stretch| stretch.frames.len()).collect();
         assert_eq!(lengths, [MOST_WAITING, 1000]);
     }
 
@@ -210,8 +252,12 @@ mod tests {
         std::fs::write(&path, text).unwrap();
         // Two buses may hear one interface, and one may hear none that there is.
         let names = ["can1", "can0", "can1", "can9"].map(str::to_owned);
-        let read = read_ahead(&Traffic::candump(&path), &names, |frames| {
-            Ok(frames.collect::<Vec<_>>())
+        let read: Vec<BusFrame> = read_ahead(&Traffic::candump(&path), &names, None, |recorded| {
+            let frame = |recorded| match recorded {
+                Recorded::Frame(bus, received) => (bus, received),
+                Recorded::Change(..) => unreachable!("no daemon was there"),
+            };
+            Ok(recorded.map(frame).collect())
         })
         .unwrap();
         let played = as_played(&path, &names);

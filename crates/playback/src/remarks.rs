@@ -95,7 +95,13 @@ mod tests {
         let mut remarks = Remarks::gather();
         let mut news_of_a_pass = || -> Vec<String> {
             // The file is read on a thread of its own.
-            read_ahead(&Traffic::candump(&path), &names, |frames| Ok(frames.count())).unwrap();
+            read_ahead(
+                &Traffic::candump(&path),
+                &names,
+                None,
+                |frames| Ok(frames.count()),
+            )
+            .unwrap();
             // Tests beside this one speak, too.
             let mut news = remarks.news();
             news.retain(|line| line.contains("half-a-log.log"));

@@ -33,8 +33,16 @@ impl CanReader {
     /// # Errors
     /// As [`RecordingReader::open`].
     pub fn open(path: &Path) -> Result<Self, ReadError> {
+        Self::open_with(path, &[])
+    }
+
+    /// Opens a recording of which messages of other topics are wanted, too; [`CanReader::next_frame_with`] shows them.
+    ///
+    /// # Errors
+    /// As [`RecordingReader::open`].
+    pub fn open_with(path: &Path, others: &[Topic]) -> Result<Self, ReadError> {
         Ok(Self {
-            reader: RecordingReader::open(path, &[Topic::Can, Topic::Hello])?,
+            reader: RecordingReader::open(path, &[&[Topic::Can, Topic::Hello], others].concat())?,
             names: Vec::new(),
             lost: Vec::new(),
             frames: Vec::new(),
@@ -85,8 +93,21 @@ impl CanReader {
     /// # Errors
     /// As [`RecordingReader::next_item`].
     pub fn next_frame(&mut self) -> Result<Option<(usize, Received)>, ReadError> {
+        self.next_frame_with(&mut |_, _, _| {})
+    }
+
+    /// The same, and shows `other` the messages of other topics that stand before it: their times on the wall clock,
+    /// nanoseconds, and what they hold.
+    ///
+    /// # Errors
+    /// As [`RecordingReader::next_item`].
+    #[inline]
+    pub fn next_frame_with(
+        &mut self,
+        other: &mut dyn FnMut(Topic, u64, &[u8]),
+    ) -> Result<Option<(usize, Received)>, ReadError> {
         while self.next == self.frames.len() {
-            if !self.next_block()? {
+            if !self.next_block(other)? {
                 return Ok(None);
             }
         }
@@ -100,7 +121,7 @@ impl CanReader {
         t_ns.saturating_add_signed(self.wall_ahead_ns)
     }
 
-    fn next_block(&mut self) -> Result<bool, ReadError> {
+    fn next_block(&mut self, other: &mut dyn FnMut(Topic, u64, &[u8])) -> Result<bool, ReadError> {
         self.frames.clear();
         self.next = 0;
         let (data, wall_ns) = loop {
@@ -122,7 +143,12 @@ impl CanReader {
                         _ => self.hand = Some(hello),
                     }
                 }
-                Some(Item::Message { data, wall_ns, .. }) => break (data, wall_ns),
+                Some(Item::Message {
+                    topic: Topic::Can,
+                    data,
+                    wall_ns,
+                }) => break (data, wall_ns),
+                Some(Item::Message { topic, data, wall_ns }) => other(topic, wall_ns, data),
                 Some(Item::Attached(_) | Item::Damaged) => {}
             }
         };

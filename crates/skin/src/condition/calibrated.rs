@@ -18,6 +18,21 @@ pub struct Calibrated {
 }
 
 impl Conditioner {
+    /// Whether this hand's calibration has ended with the same threshold and baselines, to the digits of `known`.
+    pub fn has_measured(&self, known: &Calibrated) -> bool {
+        let baselines = self.baseline.iter().zip(&self.taxels);
+        let measured = baselines.map(|(baseline, taxel)| match taxel.has_baseline {
+            true => baseline.map(|counts| counts as f32),
+            false => [f32::NAN; 3],
+        });
+        !self.is_calibrating()
+            && self.threshold() as f32 == known.threshold as f32
+            && self.taxels() == known.baseline.len()
+            && measured
+                .zip(&known.baseline)
+                .all(|(measured, known)| measured == *known || measured[0].is_nan() && known[0].is_nan())
+    }
+
     /// Goes on from what was known before, instead of calibrating on the first frames. Taxels that had no baseline find
     /// their own when they speak. Where taxels have thresholds of their own, each begins with the hand's. Baselines may
     /// drift from here as far as from where they were calibrated. Nothing changes where it is of another number of taxels.
