@@ -163,10 +163,10 @@ def test_another_configuration_of_the_next_daemon_is_in_another_file_and_one_tha
         assert f"no CAN frame came of can0 from udp:{GROUP}:{port}" in said, said
 
 
-def test_a_full_disk_stops_the_recording_says_so_and_costs_no_image(start, lockstep, folder, hand):
+def test_a_full_disk_stops_the_recording_says_so_and_costs_no_image(start, lockstep, folder, hand, capfd):
     daemon = start(conditioning=DAEMON_SETTINGS, sweep=SWEEP)
     out = folder / "full.mcap"
-    with recording(daemon, out, limit=LIMIT) as recorder:
+    with recording(daemon, out, "--json", limit=LIMIT) as recorder:
         driver = lockstep(daemon)
         frames = list(grasp(Touches.even(hand)))
         images = 0
@@ -177,6 +177,8 @@ def test_a_full_disk_stops_the_recording_says_so_and_costs_no_image(start, locks
         assert recorder.process.returncode == 1
         assert "full.mcap: File too large" in recorder.said and "the recording stopped there" in recorder.said
         driver.step(frames[0])
+    made = json.loads(capfd.readouterr().out)
+    assert made["files"] == [str(out)] and made["images"] > 0 and made["can_frames"] > 0, made
     assert out.stat().st_size <= LIMIT
     assert "torn off" in taxel("convert", out, folder / "full.log")
     assert (folder / "full.log").stat().st_size > 0
@@ -186,11 +188,11 @@ def test_a_disk_without_room_for_a_first_chunk_is_left_without_files_however_oft
     daemon = start()
     out = folder / "full.mcap"
     for _ in range(2):
-        command = [binary("taxel"), "record", out, "--no-can", "--socket", daemon.images, "--split-size", "1MB"]
+        command = [binary("taxel"), "record", out, "--no-can", "--socket", daemon.images, "--split-size", "1MB", "--json"]
         options = {"capture_output": True, "text": True, "timeout": 30}
         failed = subprocess.run(command, **with_room(100), **options)
         assert failed.returncode == 1 and "full-0001.mcap: File too large" in failed.stderr, failed.stderr
-        assert list(folder.glob("*.mcap")) == []
+        assert list(folder.glob("*.mcap")) == [] and json.loads(failed.stdout)["files"] == []
 
 
 def test_a_file_that_is_renamed_while_it_is_recorded_into_is_told_and_the_recording_goes_on_in_another(start, folder):

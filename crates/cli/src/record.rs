@@ -176,6 +176,9 @@ pub(crate) fn run(args: &Args) -> anyhow::Result<()> {
     if args.json {
         writeln!(std::io::stdout(), "{}", outcome::in_json(&finished)).context("stdout")?;
     }
+    if let Some(failure) = finished.failure {
+        return Err(failure.into());
+    }
     if !finished.gone.is_empty() {
         bail!(
             "the recording is not whole in its files, since others did not leave them alone while they were made"

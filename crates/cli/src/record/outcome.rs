@@ -46,6 +46,7 @@ pub(crate) fn words(plan: &Plan, finished: &Finished) -> Vec<String> {
         dropped,
         messages,
         problems: _,
+        failure,
     } = finished;
     let [files, away] = there_and_away(finished);
     let bytes: u64 = files
@@ -55,6 +56,7 @@ pub(crate) fn words(plan: &Plan, finished: &Finished) -> Vec<String> {
         .sum();
     let name = match &files[..] {
         [] if !gone.is_empty() || !away.is_empty() => "taxel: no file of the recording is there".into(),
+        [] if failure.is_some() => "taxel: nothing was recorded".into(),
         [] if plan.around.is_some() => {
             "taxel: nothing was kept: no trigger came, or nothing before one".into()
         }

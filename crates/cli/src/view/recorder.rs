@@ -7,7 +7,7 @@ use std::sync::atomic::{AtomicBool, Ordering};
 use std::sync::{Arc, Mutex};
 use std::thread::JoinHandle;
 use std::time::{SystemTime, UNIX_EPOCH};
-use taxel_recorder::Signals;
+use taxel_recorder::{Finished, Signals};
 use taxel_view::Seen;
 
 /// At most one recording at a time.
@@ -81,14 +81,17 @@ fn begin(images: &Path, out: PathBuf, seen: Arc<Mutex<Seen>>) -> anyhow::Result<
             say: &tell,
             described: &|_| described_by_status(&images, &plan),
         };
-        match taxel_recorder::record(&plan, &signals) {
-            Ok(finished) => words(&plan, &finished),
-            Err(error) => {
-                let words = format!("{error}; nothing is recorded any more");
-                lock(&seen).say(words.as_str(), taxel_can::monotonic_ns());
-                vec![words]
-            }
+        let finished = taxel_recorder::record(&plan, &signals).unwrap_or_else(|failure| Finished {
+            failure: Some(failure),
+            ..Finished::default()
+        });
+        let mut words = words(&plan, &finished);
+        if let Some(failure) = finished.failure {
+            let failure = format!("{failure}; nothing is recorded any more");
+            lock(&seen).say(failure.as_str(), taxel_can::monotonic_ns());
+            words.push(failure);
         }
+        words
     };
     let thread = std::thread::Builder::new()
         .name("recorder".into())

@@ -105,7 +105,7 @@ pub struct Signals<'a> {
 }
 
 /// What became of a recording.
-#[derive(Debug, Default, Clone)]
+#[derive(Debug, Default)]
 pub struct Finished {
     /// The files of this recording, without those that were removed to make room, and those that are gone.
     pub files: Vec<PathBuf>,
@@ -130,6 +130,8 @@ pub struct Finished {
     pub messages: u64,
     /// What the daemon said last that is wrong.
     pub problems: Vec<ProblemStatus>,
+    /// Why it could not go on, where it stopped before it was to.
+    pub failure: Option<LiveError>,
 }
 
 /// Why there is no recording, or only a part of one.
@@ -248,7 +250,7 @@ impl<'a> Shared<'a> {
 /// every case.
 ///
 /// # Errors
-/// Where a bus cannot be opened or the first file not be made, nothing was recorded; any other is why it stopped.
+/// Where a bus cannot be opened or no file be made: nothing was recorded.
 pub fn record(plan: &Plan, signals: &Signals<'_>) -> Result<Finished, LiveError> {
     let buses = Buses::open(&plan.can)?;
     let shared = Shared::new(signals, Wall::now());
@@ -312,9 +314,7 @@ pub fn record(plan: &Plan, signals: &Signals<'_>) -> Result<Finished, LiveError>
         }
         Ok(())
     });
-    outcome?;
-    closed?;
-    synced?;
+    let failure = outcome.and(closed.map_err(LiveError::from)).and(synced).err();
     let count = |count: &AtomicU64| count.load(Ordering::Relaxed);
     Ok(Finished {
         files: store.files().map(PathBuf::from).collect(),
@@ -331,6 +331,7 @@ pub fn record(plan: &Plan, signals: &Signals<'_>) -> Result<Finished, LiveError>
             .problems
             .into_inner()
             .unwrap_or_else(PoisonError::into_inner),
+        failure,
     })
 }
 
