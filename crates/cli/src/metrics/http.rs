@@ -2,8 +2,7 @@
 
 use super::families::Format;
 use super::shared_ask::SharedAsk;
-use super::{status, text};
-use crate::everyday::Ask;
+use super::{Daemon, text};
 use crate::notices;
 use std::collections::VecDeque;
 use std::io;
@@ -25,13 +24,12 @@ const REQUEST: u64 = 8192;
 const CLIENTS: usize = 64;
 
 /// Answers clients until the program is ended.
-pub(super) fn serve(listener: std::net::TcpListener, ask: &Ask) -> anyhow::Result<()> {
+pub(super) fn serve(listener: std::net::TcpListener, daemon: Daemon) -> anyhow::Result<()> {
     listener.set_nonblocking(true)?;
     let runtime = tokio::runtime::Builder::new_current_thread()
         .enable_all()
         .build()?;
-    let ask = ask.clone();
-    let daemon = Arc::new(SharedAsk::new(move || status(&ask).ok()));
+    let daemon = Arc::new(SharedAsk::new(move || daemon.status()));
     runtime.block_on(async {
         let listener = TcpListener::from_std(listener)?;
         let mut clients: VecDeque<JoinHandle<()>> = VecDeque::new();

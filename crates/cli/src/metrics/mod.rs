@@ -15,6 +15,7 @@ use serde_json::json;
 use std::io::Write;
 use std::net::{SocketAddr, TcpListener, ToSocketAddrs};
 use std::path::{Path, PathBuf};
+use std::sync::atomic::{AtomicBool, Ordering};
 use std::time::Duration;
 use taxel_playback::output_file::OutputFile;
 use taxel_wire::status::Status;
@@ -61,7 +62,7 @@ pub(crate) fn run(args: &Args) -> anyhow::Result<()> {
             "metrics at http://{}/metrics; Ctrl-C stops it",
             listener.local_addr()?
         );
-        return http::serve(listener, &args.ask);
+        return http::serve(listener, Daemon::new(&args.ask));
     }
     let Some(path) = &args.textfile else {
         let mut out = std::io::stdout().lock();
@@ -83,9 +84,10 @@ pub(crate) fn run(args: &Args) -> anyhow::Result<()> {
 /// Writes the file until the program is ended. Only the first write has to succeed, or the name is wrong; later the
 /// disk may be full or the folder away for a while.
 fn write_again_and_again(path: &Path, args: &Args) -> anyhow::Result<()> {
+    let daemon = Daemon::new(&args.ask);
     let write = || {
-        let status = status(&args.ask);
-        OutputFile::write(path, text::of(status.as_ref().ok(), Format::Prometheus))
+        let status = daemon.status();
+        OutputFile::write(path, text::of(status.as_ref(), Format::Prometheus))
     };
     write()?;
     let mut has_failed = false;
@@ -102,6 +104,33 @@ fn write_again_and_again(path: &Path, args: &Args) -> anyhow::Result<()> {
             )),
             Ok(()) if failed_before => notices::say(&format!("taxel: {}: is written again", path.display())),
             _ => {}
+        }
+    }
+}
+
+/// A daemon that is asked again and again.
+#[derive(Debug)]
+struct Daemon {
+    ask: Ask,
+    is_failing: AtomicBool,
+}
+
+impl Daemon {
+    fn new(ask: &Ask) -> Self {
+        let (ask, is_failing) = (ask.clone(), AtomicBool::new(false));
+        Self { ask, is_failing }
+    }
+
+    /// What it tells. Where it tells nothing, why is said once until it does.
+    fn status(&self) -> Option<Status> {
+        let status = status(&self.ask);
+        let has_failed = self.is_failing.swap(status.is_err(), Ordering::Relaxed);
+        match status {
+            Err(error) if !has_failed => {
+                notices::say(&format!("taxel: {}; so taxeld_up is 0", describe(&error)));
+                None
+            }
+            status => status.ok(),
         }
     }
 }

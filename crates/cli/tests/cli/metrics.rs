@@ -11,13 +11,13 @@ use tempfile::TempDir;
 struct Exporter {
     child: Child,
     address: String,
-    /// What it says later goes into a pipe that is open.
-    _said: BufReader<ChildStderr>,
+    /// What it says later.
+    said: BufReader<ChildStderr>,
 }
 
 impl Exporter {
     fn start(dir: &TempDir) -> Self {
-        Self::run(dir, Command::new(env!("CARGO_BIN_EXE_taxel")))
+        Self::run(dir, Command::new(env!("CARGO_BIN_EXE_taxel")), "control.sock")
     }
 
     /// With at most this many open files.
@@ -25,11 +25,11 @@ impl Exporter {
         let mut limited = Command::new("sh");
         let program = env!("CARGO_BIN_EXE_taxel");
         limited.args(["-c", &format!("ulimit -n {files} && exec \"$0\" \"$@\""), program]);
-        Self::run(dir, limited)
+        Self::run(dir, limited, "control.sock")
     }
 
-    fn run(dir: &TempDir, mut command: Command) -> Self {
-        command.args(["metrics", "--listen", "127.0.0.1:0", "--socket", "control.sock"]);
+    fn run(dir: &TempDir, mut command: Command, socket: &str) -> Self {
+        command.args(["metrics", "--listen", "127.0.0.1:0", "--socket", socket]);
         let mut child = command
             .current_dir(dir.path())
             .stderr(Stdio::piped())
@@ -46,11 +46,7 @@ impl Exporter {
             .next()
             .unwrap()
             .to_owned();
-        Self {
-            child,
-            address,
-            _said: said,
-        }
+        Self { child, address, said }
     }
 
     fn get(&self, request: &str) -> String {
@@ -67,6 +63,27 @@ impl Drop for Exporter {
         let _ = self.child.kill();
         let _ = self.child.wait();
     }
+}
+
+#[test]
+fn an_exporter_says_once_why_no_daemon_answers() {
+    let dir = TempDir::new().unwrap();
+    let daemon = simulated(dir.path(), "tap");
+    let mut exporter = Exporter::run(&dir, Command::new(env!("CARGO_BIN_EXE_taxel")), "images.sock");
+    let (mut said, mut rest) = (String::new(), String::new());
+    for _ in 0..3 {
+        assert!(exporter.get("GET /metrics HTTP/1.1").contains("\ntaxeld_up 0\n"));
+        if said.is_empty() {
+            exporter.said.read_line(&mut said).unwrap();
+        }
+    }
+    let wanted =
+        "images come from there, requests go to status.sock or control.sock beside it; so taxeld_up is 0\n";
+    assert!(said.ends_with(wanted), "{said}");
+    exporter.child.kill().unwrap();
+    exporter.said.read_to_string(&mut rest).unwrap();
+    assert_eq!(rest, "");
+    daemon.stop().unwrap();
 }
 
 #[test]
