@@ -6,10 +6,10 @@ use crate::malformed;
 use crate::names::{is_of_board, modules_name};
 use crate::problem::{Place, Problem, of_board};
 use crate::traffic::{hub_speaks, speaks_on};
-use crate::view::{Look, Starting};
+use crate::view::{BusView, Look, Starting};
 use std::collections::VecDeque;
 use taxel_can::{BusState, LinkState, SourceAddress};
-use taxel_skin::{BoardState, Finding, Layout};
+use taxel_skin::{BoardState, BoardStatus, Finding, Layout};
 
 /// A board that falls silent this many times within this long is unsteady, until it was steady for a while.
 const SILENCES: usize = 3;
@@ -44,11 +44,27 @@ struct Unsteady {
 }
 
 impl Steadiness {
+    /// Takes note of what the boards have counted, and judges it.
+    fn handle(&mut self, look: &Look<'_>, found: &[Problem]) {
+        let (layout, view) = (look.setup.layout, look.view);
+        self.boards.resize(layout.modules.len(), Board::default());
+        // What a daemon that was stopped has not heard says nothing of boards.
+        let was_held_up =
+            look.awake_ns > 0 && view.now_ns.saturating_sub(look.awake_ns) < look.setup.silence_ns;
+        for (module, wiring) in layout.wiring.iter().enumerate() {
+            let bus = usize::from(wiring.bus);
+            let excused = was_held_up
+                || !view.boards_due
+                || view.buses.get(bus).is_none_or(is_lost)
+                || array::is_late(found, bus)
+                || is_doubled(view.findings, module);
+            self.note(module, view.boards[module].silences, excused, view.now_ns);
+        }
+        self.judge(layout, view.boards, view.now_ns);
+    }
+
     /// Takes note of what a board has counted. Nobody is to be blamed for a silence that is `excused`.
     fn note(&mut self, module: usize, counted: u64, excused: bool, now_ns: u64) {
-        if self.boards.len() <= module {
-            self.boards.resize(module + 1, Board::default());
-        }
         let board = &mut self.boards[module];
         let fell_silent = std::mem::replace(&mut board.counted, counted) < counted;
         // The one before is judged first, however soon the next comes.
@@ -57,26 +73,37 @@ impl Steadiness {
         }
     }
 
-    /// Judges the silences of the boards of a bus that are old enough to know which others there were: what most boards of a
-    /// bus do together is the doing of their bus, or of the machine that holds the daemon up.
-    fn judge(&mut self, layout: &Layout, modules: &[usize], now_ns: u64) {
-        for module in modules {
-            let Some((fell_ns, true)) = self.boards[*module].last else {
+    /// Judges the silences that are old enough to know which others there were: what most boards of a bus or of the hand do
+    /// together, of those that can tell, is the doing of what they share, or of the machine that holds the daemon up.
+    fn judge(&mut self, layout: &Layout, boards: &[BoardStatus], now_ns: u64) {
+        for module in 0..self.boards.len() {
+            let Some((fell_ns, true)) = self.boards[module].last else {
                 continue;
             };
             if now_ns.saturating_sub(fell_ns) < TOGETHER_NS {
                 continue;
             }
-            let near = |other: &usize| {
+            let is_near = |other: &usize| {
                 (self.boards[*other].last).is_some_and(|(t, _)| t.abs_diff(fell_ns) <= TOGETHER_NS)
             };
-            let together: Vec<usize> = modules.iter().copied().filter(near).collect();
-            let fallen = boards(layout, &together);
-            let by_itself = 2 * fallen <= boards(layout, modules).max(2);
-            let board = &mut self.boards[*module];
+            let can_tell = |other: &usize| is_near(other) || would_notice(&boards[*other], &boards[module]);
+            let bus = layout.wiring[module].bus;
+            let [of_bus, of_hand] = [Some(bus), None].map(|only| {
+                let on = |other: &usize| only.is_none_or(|bus| layout.wiring[*other].bus == bus);
+                let asked: Vec<usize> = (0..boards.len()).filter(on).filter(can_tell).collect();
+                let fallen = asked.iter().copied().filter(is_near);
+                (
+                    count_boards(layout, fallen),
+                    count_boards(layout, asked.iter().copied()),
+                )
+            });
+            let is_most = |(fallen, asked): (usize, usize)| 2 * fallen > asked.max(2);
+            let by_itself = !is_most(of_bus) && !is_most(of_hand);
+            let with_others = of_hand.0 > 1;
+            let board = &mut self.boards[module];
             board.last = Some((fell_ns, false));
             if by_itself {
-                board.silences.push_back((fell_ns, fallen > 1));
+                board.silences.push_back((fell_ns, with_others));
             }
         }
     }
@@ -99,29 +126,35 @@ impl Steadiness {
     }
 }
 
+/// Whether a board would have fallen silent, too, in a silence of another: a slow one does not miss a sweep in what is three
+/// periods of a fast one, and one that does not speak misses none.
+fn would_notice(board: &BoardStatus, silent: &BoardStatus) -> bool {
+    let [period_ns, silent_period_ns] = [board, silent].map(|board| board.period_ns.unwrap_or(0));
+    let speaks = matches!(board.state, BoardState::Settling | BoardState::Streaming);
+    // Periods are as measured.
+    let as_fast = 4 * period_ns <= 5 * silent_period_ns;
+    speaks && (as_fast || 4 * period_ns <= silent.silence_ns)
+}
+
+/// Whether nothing can be heard on a bus.
+fn is_lost(bus: &BusView) -> bool {
+    bus.link != LinkState::Up || bus.counters.bus_state == BusState::BusOff
+}
+
 pub(crate) fn judge(look: &Look<'_>, steadiness: &mut Steadiness, found: &mut Vec<Problem>) {
     let (layout, view) = (look.setup.layout, look.view);
+    steadiness.handle(look, found);
     for (index, bus) in view.buses.iter().enumerate() {
+        if is_lost(bus) {
+            // Told of the bus; that its boards are silent says nothing of them.
+            continue;
+        }
         let boards = || (0..layout.modules.len()).filter(|m| usize::from(layout.wiring[*m].bus) == index);
-        let lost = bus.link != LinkState::Up || bus.counters.bus_state == BusState::BusOff;
         let here: Vec<usize> = boards().collect();
-        // What a daemon that was stopped has not heard says nothing of boards, nor of the wires to them.
-        let awake_for_ns = view.now_ns.saturating_sub(look.awake_ns);
         let is_late = array::is_late(found, index);
         let malformed: Vec<usize> = (here.iter().copied())
             .filter(|m| malformed::is_told(found, *m))
             .collect();
-        let was_held_up = look.awake_ns > 0 && awake_for_ns < look.setup.silence_ns;
-        for module in &here {
-            let excused =
-                lost || was_held_up || is_late || !view.boards_due || is_doubled(view.findings, *module);
-            steadiness.note(*module, view.boards[*module].silences, excused, view.now_ns);
-        }
-        steadiness.judge(layout, &here, view.now_ns);
-        if lost {
-            // Told of the bus; that its boards are silent says nothing of them.
-            continue;
-        }
         let state = |m: usize| view.boards[m].state;
         // Between the first sweeps of a board that has just come up its state says silent, too.
         let long = |m: usize| {
@@ -178,9 +211,11 @@ pub(crate) fn judge(look: &Look<'_>, steadiness: &mut Steadiness, found: &mut Ve
 }
 
 /// How many boards these modules are of.
-fn boards(layout: &Layout, modules: &[usize]) -> usize {
-    let is_first = |n: &usize| !(modules[..*n].iter()).any(|m| is_of_board(layout, *m, modules[*n]));
-    (0..modules.len()).filter(is_first).count()
+fn count_boards(layout: &Layout, modules: impl Iterator<Item = usize>) -> usize {
+    let mut boards: Vec<_> = modules.map(|m| layout.wiring[m].hub.ok_or(m)).collect();
+    boards.sort_unstable();
+    boards.dedup();
+    boards.len()
 }
 
 /// Whether two boards send as one, each of which makes gaps for the other.

@@ -61,6 +61,8 @@ pub struct BoardStatus {
     pub recalibrations: u64,
     /// How often it fell silent, for 30 ms or more.
     pub silences: u64,
+    /// How long the newest of them lasted, or has lasted so far, nanoseconds; 0 while there was none.
+    pub silence_ns: u64,
     /// Times it was told to start because it was silent.
     pub restarts: u64,
     /// Time between two sweeps of the board as measured, nanoseconds, 1 ms to 10 s; `None` until a

@@ -1,7 +1,7 @@
 //! What is said of boards by what they are: those that are never told to start, pressure arrays.
 
 use super::{Bench, Known, MS, sentence};
-use taxel_skin::{BoardState, Layout};
+use taxel_skin::{BoardState, BoardStatus, Layout};
 
 #[test]
 fn only_of_boards_that_are_told_to_start_it_is_said() {
@@ -292,4 +292,73 @@ fn a_bus_on_which_about_a_fifth_of_all_frames_is_damaged_is_told_of_once_and_not
 fn unread(known: &mut Known, module: usize, frames: u64, state: BoardState) {
     known.boards[module].malformed += frames;
     known.boards[module].state = state;
+}
+
+/// Two buses with a fast board and two slow ones each, the fast one first.
+fn fast_and_slow() -> Layout {
+    let mut text =
+        "name = \"t\"\nimage = { width = 12, height = 8 }\nbuses = [\"can0\", \"can1\"]\n".to_string();
+    for (bus, y) in [("can0", 0), ("can1", 4)] {
+        for board in 0..3 {
+            let protocol = ["uskin-l2", "icub-mtb3", "icub-mtb3"][board];
+            text += &format!(
+                "[[module]]\nname = \"{bus} m{board}\"\npart = \"p\"\nbus = \"{bus}\"\nboard = {}\n\
+                 protocol = \"{protocol}\"\nat = [{}, {y}]\n{}",
+                board + 6,
+                4 * board,
+                ["", "order = [[0, 1, 2, 3]]\n"][board.min(1)],
+            );
+        }
+    }
+    Layout::parse(&text, "t.toml").unwrap_or_else(|e| panic!("{e}"))
+}
+
+#[test]
+fn a_silence_that_slow_boards_do_not_notice_is_compared_with_that_of_fast_ones() {
+    // The modules that fall silent together, for how long, those that are told to be unsteady, and whether others are named.
+    type Case = (&'static str, &'static [usize], u64, &'static [usize], bool);
+    let cases: [Case; 6] = [
+        ("the hand stands still", &[0, 3], 45, &[], false),
+        ("for longer", &[0, 1, 2, 3, 4, 5], 300, &[], false),
+        ("a bus of two is lost", &[3, 4, 5], 2000, &[], false),
+        ("a fast board has a loose plug", &[3], 45, &[3], false),
+        ("a slow one has", &[4], 2000, &[4], false),
+        ("two fast ones reboot", &[0, 3], 2000, &[0, 3], true),
+    ];
+    for (what, fallen, lasts_ms, unsteady, with_others) in cases {
+        let mut bench = Bench::of(fast_and_slow(), &["can:can0", "can:can1"]);
+        bench.pass(9000, |s| {
+            for (module, board) in s.boards.iter_mut().enumerate() {
+                board.period_ns = Some([10, 50, 50][module % 3] * MS);
+                if fallen.contains(&module) {
+                    board.silences = s.now_ns / (1500 * MS);
+                    board.silence_ns = lasts_ms * MS;
+                }
+            }
+        });
+        let told: Vec<usize> = (bench.problems.current().iter())
+            .map(|now| now.problem.modules[0])
+            .collect();
+        assert_eq!(told, unsteady, "{what}: {:#?}", bench.said);
+        assert_eq!(bench.kinds(), vec!["board-unsteady"; told.len()]);
+        for said in bench.said.iter().map(sentence) {
+            assert_eq!(
+                said.contains("Others fell silent at the same moment"),
+                with_others,
+                "{said}"
+            );
+        }
+    }
+}
+
+#[test]
+fn boards_that_do_not_speak_do_not_go_on_where_all_others_fall_silent() {
+    let mut bench = Bench::new();
+    bench.pass(9000, |s| {
+        s.boards[4..8].fill(BoardStatus::default());
+        for board in &mut s.boards[..4] {
+            board.silences = s.now_ns / (1500 * MS);
+        }
+    });
+    assert_eq!(bench.kinds(), ["board-unheard"; 4]);
 }

@@ -175,8 +175,9 @@ impl Board {
 
     /// Counts a silence, which has lasted so long, once.
     fn count_silence(&mut self, quiet_ns: u64) {
-        if quiet_ns >= SHORTEST_SILENCE_NS && !self.is_counted {
-            self.counters.silences += 1;
+        if quiet_ns >= SHORTEST_SILENCE_NS {
+            self.counters.silences += u64::from(!self.is_counted);
+            self.counters.silence_ns = quiet_ns;
             self.is_counted = true;
         }
     }

@@ -411,13 +411,13 @@ fn a_fast_board_that_is_kept_back_for_some_periods_did_not_fall_silent_and_one_t
 #[test]
 fn a_silence_that_is_over_before_the_next_frame_is_taken_is_counted() {
     let mut bench = Bench::new(1, &unsettled(), false);
-    for (at_ms, silences) in [(0, 0), (30, 0), (61, 1), (62, 1), (300, 2)] {
+    for (at_ms, silences, newest_ms) in [(0, 0, 0), (30, 0, 0), (61, 1, 31), (62, 1, 31), (300, 2, 238)] {
         bench.push(0, START + at_ms * MS);
         bench.take(START + at_ms * MS);
         let board = bench.assembler.board(0);
         assert_eq!(
-            (board.silences, board.state),
-            (silences, BoardState::Streaming),
+            (board.silences, board.silence_ns, board.state),
+            (silences, newest_ms * MS, BoardState::Streaming),
             "{at_ms} ms"
         );
     }
