@@ -2,8 +2,9 @@
 //! one address, boards on the wrong bus.
 //!
 //! Frames are counted per id over windows of a quarter of a second. What holds in two windows in a
-//! row is a finding, and what is absent from two in a row no longer is one (a board in the wrong
-//! place: from one window). So a finding comes and goes within half a second and a window.
+//! row is a finding, and what is absent from two in a row no longer is one. So a finding comes and
+//! goes within half a second and a window. A board in the wrong place is one from three windows, as
+//! all boards of its bus may be about to follow it, and no longer one from one window without it.
 
 mod alternation;
 mod bus;
@@ -405,13 +406,12 @@ impl BusMonitor {
                 let spoken = |id: &&u16| tally.ids[usize::from(**id)].frames > 0;
                 2 * stray.ids.iter().filter(spoken).count() >= stray.ids.len()
             };
-            if stray.speaks.update(speaks.then_some(())).is_some() && !speaks {
-                // One window without most of a board's ids is proof enough that it is gone.
-                stray.speaks = Held::default();
-            }
-            if let Some(module) = stray.module.filter(|_| answers_questions(stray.protocol)) {
+            let elsewhere = stray
+                .module
+                .filter(|m| self.modules[usize::from(*m)].readings == 0);
+            if stray.module.is_some() && answers_questions(stray.protocol) {
                 let answer = self.buses[usize::from(stray.bus)].answers[stray.address as usize & 15];
-                stray.answered = if self.modules[usize::from(module)].readings > 0 {
+                stray.answered = if elsewhere.is_none() {
                     0
                 } else if answer.is_some_and(|kind| stray.protocol.is_spoken_by(kind)) {
                     ANSWER_WINDOWS
@@ -419,14 +419,23 @@ impl BusMonitor {
                     stray.answered.saturating_sub(1)
                 };
             }
+            let before = stray.there.is;
+            if speaks || stray.answered > 0 {
+                stray.there.update(Some(elsewhere));
+            } else {
+                // One window without most of a board's ids is proof enough that it is gone.
+                stray.there = Held::default();
+            }
+            // In the window in which boards change their bus, some speak on both and some not yet on the other.
+            stray.is_settled = [before, Some(elsewhere)] == [stray.there.is; 2];
         }
         for pair in &self.pairs {
-            let mut displaced = pair.strays.iter().map(|i| &self.strays[*i]);
-            let all = displaced.clone().all(|stray| {
-                let own = stray.module.map(|m| &self.modules[usize::from(m)]);
-                stray.is_there() && own.is_some_and(|own| own.readings == 0)
-            });
-            if let Some(module) = displaced.next().filter(|_| all).and_then(|stray| stray.module) {
+            let strays = pair.strays.iter().map(|i| &self.strays[*i]);
+            let mut displaced = strays.map(|stray| stray.there.is.flatten());
+            let Some(module) = displaced.clone().next().flatten() else {
+                continue;
+            };
+            if displaced.all(|module| module.is_some()) {
                 self.findings.push(Finding::BusesSwapped {
                     buses: pair.buses,
                     module,
@@ -434,17 +443,15 @@ impl BusMonitor {
                 });
             }
         }
-        for stray in self.strays.iter().filter(|stray| stray.is_there()) {
-            let elsewhere = stray
-                .module
-                .filter(|m| self.modules[usize::from(*m)].readings == 0);
-            let swapped = elsewhere.is_some_and(|m| {
+        for stray in self.strays.iter().filter(|stray| stray.is_settled) {
+            let Some(module) = stray.there.is else { continue };
+            let swapped = module.is_some_and(|m| {
                 let own = self.modules[usize::from(m)].bus;
                 self.findings.iter().any(|finding| {
                     matches!(finding, Finding::BusesSwapped { buses, .. } if buses.contains(&own) && buses.contains(&stray.bus))
                 })
             });
-            match elsewhere {
+            match module {
                 Some(_) if swapped => {}
                 Some(module) => self.findings.push(Finding::OnOtherBus {
                     module,

@@ -42,16 +42,12 @@ pub(super) struct Stray {
     pub(super) ids: Vec<u16>,
     /// The module that has this address, on another bus.
     pub(super) module: Option<u16>,
-    pub(super) speaks: Held<()>,
+    /// Whether a board is there: `module`, if nothing comes of that on its own bus, or else one that the layout does not have.
+    pub(super) there: Held<Option<u16>>,
+    /// Whether that held for a window more and holds now: until it does, other boards may be about to follow it.
+    pub(super) is_settled: bool,
     /// It answered a question within this many windows to come.
     pub(super) answered: u8,
-}
-
-impl Stray {
-    /// Whether a board is there.
-    pub(super) fn is_there(&self) -> bool {
-        self.speaks.is.is_some() || self.answered > 0
-    }
 }
 
 /// Two buses that could be swapped, and the strays on either that are boards of the other.
@@ -95,7 +91,8 @@ pub(super) fn strays(layout: &Layout, owners: &[&[u16; 0x800]]) -> Vec<Stray> {
                     address: address.into(),
                     ids,
                     module: module.map(|(index, _)| index),
-                    speaks: Held::default(),
+                    there: Held::default(),
+                    is_settled: false,
                     answered: 0,
                 });
             }
@@ -136,7 +133,8 @@ fn stray_hubs(layout: &Layout, bus: u8) -> impl Iterator<Item = Stray> {
             address: hub.address,
             ids: Vec::new(),
             module: Some(index),
-            speaks: Held::default(),
+            there: Held::default(),
+            is_settled: false,
             answered: 0,
         })
     })

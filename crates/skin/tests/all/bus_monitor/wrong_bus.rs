@@ -63,6 +63,44 @@ fn swapped_buses_are_told_where_their_boards_differ() {
 }
 
 #[test]
+fn boards_that_change_their_bus_within_a_window_are_never_told_as_others() {
+    let layout = two_buses([&[0, 1], &[2, 3]]);
+    // From one edge of a window to the next. The second board of each bus may be slow.
+    for phase_ms in (0..250).step_by(25) {
+        let [away_ms, back_ms] = [1000 + phase_ms, 3240 - phase_ms];
+        for late_hz in [10, 50] {
+            let traffic = (layout.wiring.iter().enumerate()).flat_map(|(i, m)| {
+                let hz = if i % 2 == 1 { late_hz } else { 50 };
+                let spans = [
+                    (m.bus, [0, away_ms]),
+                    (1 - m.bus, [away_ms, back_ms]),
+                    (m.bus, [back_ms, 4500]),
+                ];
+                spans
+                    .into_iter()
+                    .flat_map(move |(bus, span)| board(m, bus, m.board, hz, span, 9_000))
+            });
+            let found = found(&layout, traffic.collect(), 4400);
+            let is_swapped = |finding: &Finding| matches!(finding, Finding::BusesSwapped { .. });
+            let Some([first, last]) = span(&found, is_swapped) else {
+                panic!("back at {back_ms} ms, {late_hz} Hz: {found:?}")
+            };
+            assert!(
+                first <= away_ms + 800 && (back_ms..=back_ms + 500).contains(&last),
+                "{first} to {last}"
+            );
+            let others: Vec<_> = (found.iter())
+                .filter(|(_, found)| !found.iter().all(is_swapped))
+                .collect();
+            assert!(
+                others.is_empty(),
+                "back at {back_ms} ms, {late_hz} Hz: {others:?}"
+            );
+        }
+    }
+}
+
+#[test]
 fn the_default_hand_has_one_board_that_tells_its_buses_apart() {
     let hand = hand();
     let found = found(&hand, displaced(&hand, |_| true), 1400);
