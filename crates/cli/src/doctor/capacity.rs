@@ -18,54 +18,58 @@ fn nominal_hz(wiring: &Wiring, boards: &BoardsConfig) -> Option<f64> {
 /// What the boards of a bus want of it.
 struct Load {
     boards: usize,
-    can_be_triggered: bool,
-    /// Sweeps per second of the fastest board.
-    wanted_hz: f64,
+    /// Sweeps per second of the slowest and of the fastest board.
+    wanted_hz: [f64; 2],
     /// Frames per second.
     needed: f64,
-    /// Share of the bus, %, at least and at most.
-    share: [f64; 2],
-    /// Sweeps per second that the bus carries, at least and at most.
-    carried_hz: [f64; 2],
+    /// Frames per second that the bus carries, at least and at most.
+    carried: [f64; 2],
+    /// Sweeps per second to trigger those boards at that can be, where that is a way out.
+    trigger_hz: Option<f64>,
 }
 
 impl Load {
     /// `None` where what boards send is not public.
     fn of(layout: &Layout, bus: u8, boards: &BoardsConfig, bitrate: u64) -> Option<Self> {
         let wired: Vec<&Wiring> = layout.wiring.iter().filter(|m| m.bus == bus).collect();
-        let rates: Vec<f64> = wired.iter().filter_map(|m| nominal_hz(m, boards)).collect();
-        let wanted_hz = rates.iter().copied().fold(0.0, f64::max);
-        if rates.len() < wired.len() || wanted_hz == 0.0 {
-            return None;
-        }
-        let frames = layout.frames_per_sweep(bus) as f64;
+        let rates: Option<Vec<f64>> = wired.iter().map(|m| nominal_hz(m, boards)).collect();
+        let rates = rates.filter(|rates| !rates.is_empty())?;
         let full = CanFrame::standard(0, &[0; 8]).expect("a frame of eight bytes");
         let [most, least] = full.bits_within().map(|bits| bitrate as f64 / f64::from(bits));
-        let needed = frames * wanted_hz;
+        let can_be_triggered = |m: &Wiring| f64::from(u8::from(m.can_be_triggered()));
+        let triggered = layout.frames_hz(bus, can_be_triggered);
+        let others = layout.frames_hz(bus, |m| match m.can_be_triggered() {
+            true => 0.0,
+            false => nominal_hz(m, boards).unwrap_or(0.0),
+        });
+        // With some room, since commands share the bus: 86 % is what is known to work (docs/protocols.md, "Bus timing").
+        let trigger_hz = ((least * 0.86 - others) / triggered).floor();
         Some(Self {
             boards: wired.len(),
-            can_be_triggered: wired.iter().all(|m| m.can_be_triggered()),
-            wanted_hz,
-            needed,
-            share: [needed / most, needed / least].map(|share| share * 100.0),
-            carried_hz: [least / frames, most / frames],
+            wanted_hz: [
+                rates.iter().copied().fold(f64::INFINITY, f64::min),
+                rates.iter().copied().fold(0.0, f64::max),
+            ],
+            needed: layout.frames_hz(bus, |m| nominal_hz(m, boards).unwrap_or(0.0)),
+            carried: [least, most],
+            trigger_hz: (triggered > 0.0 && trigger_hz >= 1.0).then_some(trigger_hz),
         })
     }
 
-    /// Sweeps per second to trigger the boards at, with some room, since commands share the bus: 86 % is what is known
-    /// to work (docs/protocols.md, "Bus timing").
-    fn trigger_hz(&self) -> f64 {
-        (self.carried_hz[0] * 0.86).floor().max(1.0)
+    /// Share of the bus, %, at least and at most.
+    fn share(&self) -> [f64; 2] {
+        let [least, most] = self.carried;
+        [most, least].map(|carried| self.needed / carried * 100.0)
     }
 }
 
-/// Sweeps per second at which the boards of a hand have to be triggered, since a bus does not carry what they send by
-/// themselves; `None` where it does, or where triggering them is no way out.
+/// Sweeps per second at which those boards of a hand that can be have to be triggered, since a bus does not carry what
+/// they send by themselves; `None` where it does, or where triggering them is no way out.
 pub(crate) fn trigger_hz(layout: &Layout, bitrate: u64) -> Option<f64> {
     let buses = 0..layout.buses.len() as u8;
     let loads = buses.filter_map(|bus| Load::of(layout, bus, &BoardsConfig::default(), bitrate));
-    let full = loads.filter(|load| load.share[1] > 100.0 && load.can_be_triggered);
-    full.map(|load| load.trigger_hz()).reduce(f64::min)
+    let full = loads.filter(|load| load.share()[1] > 100.0);
+    full.filter_map(|load| load.trigger_hz).reduce(f64::min)
 }
 
 /// Whether a bus carries what its boards send at their usual rate. `None` where that is not public.
@@ -79,15 +83,15 @@ pub(crate) fn check(
     const AREA: &str = "hand";
     const NAME: &str = "bus capacity";
     let load = Load::of(layout, bus, boards, bitrate)?;
-    let Load {
-        wanted_hz,
-        needed,
-        share: [low, high],
-        carried_hz: [slow, fast],
-        ..
-    } = load;
+    let [low, high] = load.share();
+    let needed = load.needed;
+    let reached = |wanted_hz: f64| load.carried.map(|carried| wanted_hz * carried / needed);
+    let (wanted, [slow, fast], unit) = match load.wanted_hz.map(|hz| format!("{hz:.0}")) {
+        [slowest, fastest] if slowest == fastest => (slowest, reached(load.wanted_hz[0]), "Hz"),
+        [slowest, fastest] => (format!("{slowest} to {fastest}"), reached(100.0), "% of that"),
+    };
     let words = format!(
-        "{} at {wanted_hz:.0} Hz: {needed:.0} frames/s, {low:.0} to {high:.0} % of {} Mbit/s",
+        "{} at {wanted} Hz: {needed:.0} frames/s, {low:.0} to {high:.0} % of {} Mbit/s",
         plural(load.boards, "board"),
         bitrate as f64 / 1e6
     );
@@ -97,18 +101,17 @@ pub(crate) fn check(
     let buses = (high / 86.0).ceil();
     let found = match low > 100.0 {
         true => format!(
-            "{words}: they cannot reach {wanted_hz:.0} Hz, at most {slow:.0} to {fast:.0} Hz, and lose sweeps instead"
+            "{words}: they cannot reach {wanted} Hz, at most {slow:.0} to {fast:.0} {unit}, and lose sweeps instead"
         ),
-        false => format!("{words}: at the limit, {slow:.0} to {fast:.0} Hz can be reached"),
+        false => format!("{words}: at the limit, {slow:.0} to {fast:.0} {unit} can be reached"),
     };
     let check = Check::warning(AREA, NAME, object, found).wanted("at most 100 %");
-    Some(match load.can_be_triggered {
-        true => check.advise(format!(
-            "write [boards] mode = \"triggered\" and trigger_hz = {:.0} into the configuration, or spread the boards over \
-             {buses:.0} buses",
-            load.trigger_hz()
+    Some(match load.trigger_hz {
+        Some(hz) => check.advise(format!(
+            "write [boards] mode = \"triggered\" and trigger_hz = {hz:.0} into the configuration, or spread the boards over \
+             {buses:.0} buses"
         )),
-        false => check.advise(format!("spread the boards over {buses:.0} buses, or give them a longer period")),
+        None => check.advise(format!("spread the boards over {buses:.0} buses, or give them a longer period")),
     })
 }
 
@@ -188,5 +191,73 @@ mod tests {
             check(&arm, 0, &triggered, 1_000_000, "b").unwrap().state,
             State::Ok
         );
+    }
+
+    /// Phalanges and iCub boards of one triangle, 20 times a second, on one bus.
+    fn mixed(phalanges: usize, icub: usize) -> Layout {
+        let boards = phalanges + icub;
+        let mut text = format!(
+            "name = \"n\"\nimage = {{ width = {}, height = 4 }}\nbuses = [\"b\"]\n",
+            4 * boards
+        );
+        for n in 0..boards {
+            let (board, of_protocol) = match n.checked_sub(phalanges) {
+                None => (n, "protocol = \"uskin-l2\""),
+                Some(n) => (
+                    8 + n,
+                    "protocol = \"icub-mtb3\"\nicub = { period_ms = 50 }\norder = [[0, 1, 2, 3]]",
+                ),
+            };
+            text += &format!(
+                "[[module]]\nname = \"m{n}\"\npart = \"p\"\nbus = \"b\"\nboard = {board}\n{of_protocol}\nat = [{}, 0]\n",
+                4 * n
+            );
+        }
+        Layout::parse(&text, "n.toml").unwrap_or_else(|e| panic!("{e}\n{text}"))
+    }
+
+    #[test]
+    fn each_board_of_a_bus_counts_at_its_own_rate() {
+        let free = BoardsConfig::default();
+        // A phalange sends 1600 frames a second, such an iCub board 40.
+        let cases = [
+            (
+                1,
+                6,
+                "7 boards at 20 to 100 Hz: 1840 frames/s, 20 to 25 % of 1 Mbit/s",
+                None,
+            ),
+            (4, 3, "7 boards at 20 to 100 Hz: 6520 frames/s, 72 to 88 %", None),
+            (
+                5,
+                6,
+                "11 boards at 20 to 100 Hz: 8240 frames/s, 91 to 111 % of 1 Mbit/s: at the limit, 90 to 109 % of that can be",
+                Some(76.0),
+            ),
+            (
+                8,
+                6,
+                "they cannot reach 20 to 100 Hz, at most 57 to 69 % of that, and lose sweeps instead",
+                Some(47.0),
+            ),
+        ];
+        for (phalanges, icub, words, hz) in cases {
+            let layout = mixed(phalanges, icub);
+            let found = check(&layout, 0, &free, 1_000_000, "b").unwrap();
+            assert!(found.found.contains(words), "{}", found.found);
+            assert_eq!(found.state == State::Warning, hz.is_some(), "{}", found.found);
+            assert_eq!(trigger_hz(&layout, 1_000_000), hz);
+            if let Some(trigger_hz) = hz {
+                let advice = format!("trigger_hz = {trigger_hz:.0} into");
+                assert!(matches!(&found.mend[0], Mend::Do(text) if text.contains(&advice)));
+                let triggered = BoardsConfig {
+                    mode: BoardsMode::Triggered,
+                    trigger_hz,
+                    ..BoardsConfig::default()
+                };
+                let found = check(&layout, 0, &triggered, 1_000_000, "b").unwrap();
+                assert_eq!(found.state, State::Ok, "{}", found.found);
+            }
+        }
     }
 }

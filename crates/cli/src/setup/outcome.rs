@@ -67,8 +67,8 @@ impl Outcome {
         let mut config = text_for(&hand.layout, &name, &hand.sources);
         if let Some(hz) = capacity::trigger_hz(&hand.layout, link::BITRATE) {
             say(&format!(
-                "A bus does not carry what its boards send by themselves, 100 sweeps a second: they are triggered {hz} times \
-                 a second instead."
+                "A bus does not carry what its boards send by themselves: uSkin boards, which would send 100 sweeps a second, \
+                 are triggered {hz} times a second instead."
             ));
             config = triggered(&config, hz)?;
         }

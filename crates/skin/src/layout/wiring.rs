@@ -122,9 +122,15 @@ impl Layout {
     /// 9,000 frames/s (docs/protocols.md, "Bus timing"), which bounds the sweep rate. For CySkin it
     /// is an estimate: which modules a hub puts into one packet is not public.
     pub fn frames_per_sweep(&self, bus: u8) -> usize {
+        self.frames_hz(bus, |_| 1.0) as usize
+    }
+
+    /// Frames per second on this bus if its boards send as many sweeps per second as `sweeps_hz` says of each.
+    pub fn frames_hz(&self, bus: u8, sweeps_hz: impl Fn(&Wiring) -> f64) -> f64 {
+        let frames = |module, wiring: &Wiring| wiring.protocol.0.frames_per_sweep(self.k_of(module)) as f64;
         self.boards()
             .filter(|(_, _, wiring)| wiring.bus == bus)
-            .map(|(_, module, wiring)| wiring.protocol.0.frames_per_sweep(self.k_of(module)))
+            .map(|(_, module, wiring)| frames(module, wiring) * sweeps_hz(wiring))
             .sum()
     }
 
