@@ -29,6 +29,17 @@ def squared(a, b):
     return dx * dx + dy * dy
 
 
+def neighbour_distance(modules):
+    """Distance of neighbouring taxels, millimetres, of modules of taxels' places x and y: half the reach on the hand laid flat."""
+    near = []
+    for places in modules:
+        at = np.asarray(places, dtype=F).astype(np.float64)
+        apart = ((at[:, None] - at[None, :]) ** 2).sum(axis=2)
+        apart[apart == 0] = np.inf
+        near += [square for row in apart for square in row if square <= 1.001 * row.min() < np.inf]
+    return sorted(near)[len(near) // 2] ** 0.5 if near else 1.0
+
+
 class Follower:
     """Frames in, actuators out."""
 

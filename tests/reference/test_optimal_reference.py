@@ -5,7 +5,7 @@ import itertools
 import numpy as np
 import pytest
 from exact_levels import Forces, optimal_levels
-from following_actuators import Follower
+from following_actuators import Follower, neighbour_distance
 from robust_conditioning import MS, Rest, RobustConditioner, upper_spread
 
 
@@ -89,6 +89,14 @@ def test_a_contact_among_many_costs_a_jump_only_if_that_saves_enough():
         assert first == {0: (0, 0), 1: (3, 0), 2: (20, 0)}
         after = stands(follower, *near, other)
         assert (other in after.values()) == jumps, (gain, after)
+
+
+def test_the_distance_of_neighbours_is_the_median_one_to_the_nearest_of_a_module():
+    grid = [(5 * x, 5 * y) for x in range(4) for y in range(4)]
+    assert neighbour_distance([grid]) == neighbour_distance([grid, [(x + 1, y + 1) for x, y in grid]]) == 5
+    assert neighbour_distance([[(0, 0), (9, 0), (0, 2), (9, 2)]]) == 2
+    assert neighbour_distance([[(1, 1), (1, 1), (4, 5)]]) == 5
+    assert neighbour_distance([[(1, 1)], [(1, 2)]]) == 1
 
 
 def test_an_outlier_moves_neither_baseline_nor_noise():

@@ -63,26 +63,11 @@ fn extent(places: &[[f64; 2]]) -> [[f64; 2]; 2] {
     ]
 }
 
-/// How far an actuator may go between two images without jumping: 2 pixels, or twice the median
-/// distance of neighbours in a module.
-pub(crate) fn reach(geometry: &Geometry, places: &[[f64; 2]]) -> f64 {
-    let neighbour = |taxel: usize, x: u16, y: u16| {
-        let other = geometry.taxel_at(x, y)?;
-        (geometry.taxels[other].module == geometry.taxels[taxel].module).then_some(other)
-    };
-    let mut distances = Vec::new();
-    for (taxel, t) in geometry.taxels.iter().enumerate() {
-        let right = t.x.checked_add(1).and_then(|x| neighbour(taxel, x, t.y));
-        let below = t.y.checked_add(1).and_then(|y| neighbour(taxel, t.x, y));
-        for other in right.into_iter().chain(below) {
-            let ([ax, ay], [bx, by]) = (places[taxel], places[other]);
-            distances.push(((ax - bx) * (ax - bx) + (ay - by) * (ay - by)).sqrt());
-        }
-    }
-    distances.sort_unstable_by(f64::total_cmp);
-    match distances.get(distances.len() / 2) {
-        Some(pitch) if *pitch > 0.0 => 2.0 * pitch,
-        _ => 2.0,
+/// How far an actuator may go between two images without jumping: 2 pixels, or twice the distance of neighbouring taxels.
+pub(crate) fn reach(geometry: &Geometry, coordinates: Coordinates) -> f64 {
+    match coordinates {
+        Coordinates::Pixels => 2.0,
+        Coordinates::Hand => 2.0 * geometry.neighbour_distance_mm().unwrap_or(1.0),
     }
 }
 

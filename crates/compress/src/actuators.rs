@@ -1,7 +1,7 @@
 //! Actuator quantisation, eqs (8) to (12): where the display presses, and how hard.
 
 use taxel_cluster::{Kmeans2d, Kmeans2dSettings, Plane, lloyd2d, maximin, medoids};
-use taxel_hand::{Actuator, ActuatorForce, Coordinates, Geometry, Placement, Profile, ProfileError};
+use taxel_hand::{Actuator, ActuatorForce, Geometry, Placement, Profile, ProfileError};
 
 use crate::actuator_groups;
 use crate::contacts::Contacts;
@@ -89,10 +89,7 @@ impl Actuators {
             swap_gain: profile.jump_gain,
             swaps: 4,
             iterations: 6,
-            reach: match profile.coordinates {
-                Coordinates::Pixels => 2.0,
-                Coordinates::Hand => actuator_groups::reach(geometry, places),
-            },
+            reach: actuator_groups::reach(geometry, profile.coordinates),
         };
         let (sizes, group_of_part) = actuator_groups::groups(geometry, profile)?;
         let mut first_id = 0;

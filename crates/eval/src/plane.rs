@@ -18,8 +18,10 @@ pub struct Plane {
     places: Vec<[f64; 2]>,
     /// Where distances are in pixels, or else in millimetres.
     pub coordinates: Coordinates,
-    /// A move beyond this is a jump: of two pixels, or of two distances of neighbouring taxels, and of more on a hand of
+    /// A move beyond this is a jump: of two pixels, or of two [distances of neighbouring taxels], and of more on a hand of
     /// more than 256 taxels.
+    ///
+    /// [distances of neighbouring taxels]: taxel_hand::Geometry::neighbour_distance_mm
     pub jump: f64,
 }
 
@@ -45,7 +47,7 @@ impl Plane {
             jump: jump_taxels(layout.len()),
         };
         if coordinates == Coordinates::Hand {
-            plane.jump *= plane.pitch_mm(layout);
+            plane.jump *= layout.neighbour_distance_mm().unwrap_or(1.0);
         }
         Ok(plane)
     }
@@ -61,22 +63,6 @@ impl Plane {
     /// Where the taxel of a pixel is.
     pub(crate) fn at(&self, [x, y]: [u16; 2]) -> [f64; 2] {
         self.places[usize::from(y) * self.width + usize::from(x)]
-    }
-
-    /// Median distance of taxels that are neighbours in the image and in one module; 1 where there are none.
-    fn pitch_mm(&self, layout: &Layout) -> f64 {
-        let mut distances: Vec<f64> = Vec::new();
-        for taxel in &layout.taxels {
-            for (x, y) in [(taxel.x + 1, taxel.y), (taxel.x, taxel.y + 1)] {
-                let other = layout.taxel_at(x, y).map(|n| &layout.taxels[n]);
-                if other.is_some_and(|other| other.module == taxel.module) {
-                    distances.push(squared_distance(self.at([taxel.x, taxel.y]), self.at([x, y])).sqrt());
-                }
-            }
-        }
-        distances.sort_unstable_by(f64::total_cmp);
-        let median = distances.get(distances.len() / 2).copied();
-        median.filter(|pitch| *pitch > 0.0).unwrap_or(1.0)
     }
 }
 
@@ -104,6 +90,12 @@ mod tests {
         assert_eq!(image.at([2, 1]), [2.0, 1.0]);
         let apart = squared_distance(hand.at([0, 0]), hand.at([1, 0])).sqrt();
         assert!((apart - pitch).abs() < 1e-6 && pitch > 2.0, "{apart} and {pitch}");
+        let triangle = Layout::builtin("cyskin-triangle").unwrap();
+        let apart = Plane::new(&triangle, Coordinates::Hand).unwrap().jump / 2.0;
+        assert!(
+            (apart - 7.5).abs() < 0.1,
+            "no two side by side in the image: {apart}"
+        );
         let unplaced = Plane::new(&Layout::grid(2, 2).unwrap(), Coordinates::Hand);
         assert!(matches!(unplaced, Err(ProfileError::NoPosition { taxel: 0 })));
     }

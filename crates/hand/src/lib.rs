@@ -10,6 +10,7 @@ mod from_map;
 mod geometry;
 mod image;
 mod name;
+mod neighbours;
 mod plain_words;
 mod plural;
 mod pose;

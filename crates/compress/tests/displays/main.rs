@@ -209,6 +209,44 @@ fn in_millimetres_actuators_gather_what_is_near_on_the_hand() {
 }
 
 #[test]
+fn in_millimetres_a_skin_is_compressed_alike_however_its_image_is_drawn() {
+    // 14 x 14 taxels, 5 mm apart, in each pixel or in every second one; a bump goes round.
+    let skin = |apart: u16| {
+        let grid = taxel_hand::Geometry::grid(14, 14).expect("a grid that fits");
+        let mut taxels = grid.taxels.clone();
+        for taxel in &mut taxels {
+            taxel.position_mm = Some([5.0 * f32::from(taxel.x), 5.0 * f32::from(taxel.y), 0.0]);
+            (taxel.x, taxel.y) = (apart * taxel.x, apart * taxel.y);
+        }
+        taxel_hand::Geometry::new("sole", [14 * apart; 2], grid.modules, taxels).expect("a skin")
+    };
+    let profile = Profile {
+        coordinates: Coordinates::Hand,
+        ..optimal()
+    };
+    let skins = [1, 2].map(skin);
+    let mut compressors =
+        (skins.each_ref()).map(|skin| Compressor::new(profile.clone(), skin).expect("a valid profile"));
+    for t in 0..60 {
+        let at = [0.1, 0.075].map(|turn| 6.5 + 4.0 * (turn * f64::from(t)).sin());
+        let mut frame = ForceFrame::new(196);
+        for n in 0..196 {
+            let away = [n % 14, n / 14].map(|n| n as f64);
+            let force = 500.0 / (1.0 + (away[0] - at[0]).powi(2) + (away[1] - at[1]).powi(2));
+            (frame.contact[n], frame.force[n]) = (force > 40.0, force);
+        }
+        let [near, spread] = compressors.each_mut().map(|compressor| {
+            let mut image = compressor.new_image();
+            compressor.compress(&frame, &mut image);
+            image.actuators
+        });
+        let near: Vec<_> = near.iter().map(|a| (a.id, 2 * a.x, 2 * a.y, a.level)).collect();
+        let spread: Vec<_> = spread.iter().map(|a| (a.id, a.x, a.y, a.level)).collect();
+        assert_eq!(near, spread, "frame {t}");
+    }
+}
+
+#[test]
 fn no_part_has_more_actuators_than_its_budget_and_its_ids_stay_its_own() {
     let layout = hand();
     let mut frame = ForceFrame::new(layout.len());
