@@ -12,14 +12,17 @@ pub(crate) const PAPER: Rgb = [0xFE, 0xFE, 0xFE];
 pub(crate) const INK: Rgb = [0x24, 0x29, 0x2E];
 /// What is beside the point: units, captions.
 pub(crate) const PALE: Rgb = [0x57, 0x60, 0x6B];
+/// Cells of a picture without a colour, beneath their hatch: like no grey that a cell may have.
+pub(crate) const EMPTY: Rgb = [0xE2, 0xD2, 0xB0];
 /// Lines behind the data.
 pub(crate) const GRID: Rgb = [0xDD, 0xE2, 0xE7];
 
 /// Each colour that changes, and what it is in the dark.
-const DARK: [(Rgb, Rgb); 12] = [
+const DARK: [(Rgb, Rgb); 13] = [
     (PAPER, [0x0D, 0x11, 0x17]),
     (INK, [0xE6, 0xED, 0xF3]),
     (PALE, [0x9E, 0xA7, 0xB1]),
+    (EMPTY, [0x4D, 0x43, 0x30]),
     (GRID, [0x2D, 0x33, 0x3B]),
     (SERIES[0], [0x38, 0x93, 0xFF]),
     (SERIES[1], [0xD2, 0x6B, 0x0D]),
@@ -171,12 +174,21 @@ mod tests {
         for (light, dark) in &DARK[1..] {
             let least = match *light {
                 INK | PALE => 4.5,
-                // Graphical objects need 3; the grid is meant to be weak.
-                GRID => 1.1,
+                // Graphical objects need 3; the grid is meant to be weak, and empty cells are hatched.
+                GRID | EMPTY => 1.1,
                 _ => 2.9,
             };
             assert!(contrast(*light, paper_light) >= least, "{}", hex(*light));
             assert!(contrast(*dark, paper_dark) >= least, "{}", hex(*dark));
+        }
+    }
+
+    #[test]
+    fn an_empty_cell_is_like_no_grey_and_its_hatch_is_legible() {
+        let dark = |colour: Rgb| DARK.iter().find(|(light, _)| *light == colour).unwrap().1;
+        for (empty, hatch) in [(EMPTY, PALE), (dark(EMPTY), dark(PALE))] {
+            assert!(empty.iter().max().unwrap() - empty.iter().min().unwrap() >= 24);
+            assert!(contrast(hatch, empty) >= 3.0);
         }
     }
 

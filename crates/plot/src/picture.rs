@@ -10,7 +10,7 @@ const LEAST_CELL: f64 = 3.0;
 const LEAST_STRIP: f64 = 20.0;
 
 /// A picture of square cells, row by row from the top left; those of a strip of few rows or columns are stretched across
-/// it. A cell without a colour is hatched.
+/// it. A cell without a colour is sand-coloured and hatched.
 #[derive(Debug, Clone)]
 pub struct Picture {
     pub(crate) title: String,
@@ -287,7 +287,8 @@ impl Picture {
             let mut column = 0;
             for run in colours.chunk_by(|a, b| a == b) {
                 let end = column + run.len();
-                if let Some(colour) = run[0].filter(|_| !(is_dark && run[0] == black)) {
+                if !(is_dark && run[0] == black) {
+                    let colour = run[0].unwrap_or(colour::EMPTY);
                     pen.rect(place(column, row), place(end, row + 1), colour)?;
                 }
                 column = end;

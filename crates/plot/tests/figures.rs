@@ -277,7 +277,7 @@ fn cells_are_large_enough_to_see_in_skins_of_any_shape() {
 }
 
 #[test]
-fn a_cell_without_a_colour_is_hatched_and_not_painted() {
+fn a_cell_without_a_colour_is_hatched_and_neither_the_page_nor_a_colour() {
     let cells = |empty: &[usize]| {
         let empty = empty.to_vec();
         let cells = (0..4).map(move |n| (!empty.contains(&n)).then_some([0, 0, 0]));
@@ -289,18 +289,23 @@ fn a_cell_without_a_colour_is_hatched_and_not_painted() {
             .count()
     };
     let painted = |svg: &str| svg.matches("fill=\"#000000\"").count();
+    let grounds = |svg: &str| {
+        svg.lines()
+            .filter(|line| line.starts_with("<rect") && line.contains("\"#E2D2B0\""))
+            .count()
+    };
     // Neighbours in a row are one rectangle; neighbours up to the right are one line.
-    for (empty, lines, rectangles) in [
-        (&[][..], 0, 2),
-        (&[3], 1, 2),
-        (&[1, 2], 1, 2),
-        (&[0, 1], 2, 1),
-        (&[0, 3], 2, 2),
+    for (empty, lines, rectangles, empty_rectangles) in [
+        (&[][..], 0, 2, 0),
+        (&[3], 1, 2, 1),
+        (&[1, 2], 1, 2, 2),
+        (&[0, 1], 2, 1, 1),
+        (&[0, 3], 2, 2, 2),
     ] {
         let svg = cells(empty);
         assert_eq!(
-            (hatches(&svg), painted(&svg)),
-            (lines, rectangles),
+            (hatches(&svg), painted(&svg), grounds(&svg)),
+            (lines, rectangles, empty_rectangles),
             "{empty:?}\n{svg}"
         );
     }

@@ -341,7 +341,11 @@ fn a_taxel_without_a_value_has_no_counts_no_force_and_no_colour() {
     let svg = fs::read_to_string(dir.path().join("out/in-instants.svg")).unwrap();
     let felt = svg.split("felt: ").nth(1).unwrap();
     let felt = felt.split("taxels in contact").next().unwrap();
-    let cells = felt.lines().filter(|line| line.starts_with("<rect"));
+    let is_ground = |line: &&str| line.contains("fill=\"#E2D2B0\"");
+    let (grounds, cells): (Vec<_>, Vec<_>) = (felt.lines())
+        .filter(|line| line.starts_with("<rect"))
+        .partition(is_ground);
+    assert_eq!(grounds.len(), 1, "beneath the hatch: {felt}");
     let area = |line: &str| -> f64 {
         let side = |name: &str| -> f64 {
             let value = line.split(&format!(" {name}=\"")).nth(1).unwrap();
@@ -349,7 +353,7 @@ fn a_taxel_without_a_value_has_no_counts_no_force_and_no_colour() {
         };
         side("width") * side("height")
     };
-    let areas: Vec<f64> = cells.map(area).collect();
+    let areas: Vec<f64> = cells.into_iter().map(area).collect();
     let least = areas.iter().copied().fold(f64::INFINITY, f64::min);
     let painted = areas.iter().sum::<f64>() / least;
     assert!(
