@@ -200,7 +200,7 @@ fn train(args: &TrainArgs) -> anyhow::Result<String> {
         text,
         "looks at {}, chosen on these squeezes\n\
          off by {:.1} % of the forearm where repetitions are left out, by {:.1} % where a place is (RMSE, mean over places)\n\
-         90 % interval: +-{:.1} %",
+         90 % interval: +-{:.1} %, of this arm and gripper",
         chosen.choice,
         chosen.repetitions_out,
         chosen.place_out,

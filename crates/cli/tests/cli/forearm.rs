@@ -34,7 +34,7 @@ fn a_session_is_trained_on_and_its_squeezes_and_more_are_placed() {
     );
     let width = trained["half_width_90"].as_f64().unwrap();
     assert!(
-        out.contains(&format!("90 % interval: +-{width:.1} %")),
+        out.contains(&format!("90 % interval: +-{width:.1} %, of this arm and gripper")),
         "{trained}: {out}"
     );
     let (out, _) = succeeds(&dir, &["forearm", "estimate", "arm.model", "more.npz", "--json"]);
