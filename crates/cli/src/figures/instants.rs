@@ -73,7 +73,7 @@ pub(super) fn compressed(take: &Take, image: &TactileImage, title: String) -> Pi
 }
 
 /// A force in a few digits, with its unit.
-fn amount(force: f64, unit: Option<&str>) -> String {
+pub(super) fn amount(force: f64, unit: Option<&str>) -> String {
     let digits = match force {
         0.0 => "0".into(),
         force if !(0.01..1e6).contains(&force) => format!("{force:.2e}"),

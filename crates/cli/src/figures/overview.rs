@@ -1,6 +1,6 @@
 //! Many recordings: one table and one sheet.
 
-use super::instants::{compressed, felt};
+use super::instants::{amount, compressed, felt};
 use super::take::Take;
 use taxel_plot::{Picture, Sheet};
 
@@ -110,7 +110,8 @@ impl Overview {
         plain.fold(sheet.columns(8).panel_size(120, 150), Sheet::picture)
     }
 
-    fn cells(&self) -> Vec<Vec<String>> {
+    /// What each row has of the columns, forces as `force` writes them.
+    fn cells(&self, force: impl Fn(f64) -> String) -> Vec<Vec<String>> {
         let cells = |row: &Row| {
             vec![
                 row.name.clone(),
@@ -119,8 +120,8 @@ impl Overview {
                 format!("{:.2}", row.tightest_s),
                 row.modules.to_string(),
                 row.contacts.to_string(),
-                format!("{:.0}", row.strongest),
-                format!("{:.0}", row.total),
+                force(row.strongest),
+                force(row.total),
                 row.actuators.to_string(),
                 row.levels.to_string(),
                 format!("{:.4}", row.shown_error),
@@ -140,7 +141,7 @@ impl Overview {
             }
         };
         let lines = self
-            .cells()
+            .cells(|force| force.to_string())
             .into_iter()
             .map(|row| row.iter().map(quoted).collect::<Vec<_>>().join(","));
         [COLUMNS.join(",")]
@@ -154,7 +155,7 @@ impl Overview {
     pub(super) fn human(&self) -> String {
         let rows: Vec<Vec<String>> = [COLUMNS.map(String::from).to_vec()]
             .into_iter()
-            .chain(self.cells())
+            .chain(self.cells(|force| amount(force, None)))
             .collect();
         let width = |column: usize| {
             rows.iter()

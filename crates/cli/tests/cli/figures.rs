@@ -226,6 +226,35 @@ fn a_folder_stands_for_its_recordings_in_the_order_of_their_names() {
 }
 
 #[test]
+fn the_table_of_recordings_has_forces_however_small() {
+    let dir = TempDir::new().unwrap();
+    let folder = dir.path().join("grasps");
+    fs::create_dir(&folder).unwrap();
+    fs::write(folder.join("a.csv"), "0,0,0,0.0625\n0,0,0.03125,0.125\n").unwrap();
+    fs::write(folder.join("b.csv"), "0,0,0,1234.5\n").unwrap();
+    let args = ["figures", "grasps", "--layout", "grid:2x2", "--out", "out"];
+    let (out, _) = succeeds(&dir, &args);
+    let table = rows(&dir, "recordings-table.csv", "");
+    let forces: Vec<_> = table[1..].iter().map(|row| [row[6].as_str(), &row[7]]).collect();
+    assert_eq!(forces, [["0.125", "0.15625"], ["1234.5", "1234.5"]]);
+    let printed: Vec<Vec<&str>> = out
+        .lines()
+        .map(|line| line.split_whitespace().collect())
+        .collect();
+    let told = |name| {
+        printed
+            .iter()
+            .find(|row| row.first() == Some(&name))
+            .map(|row| [row[6], row[7]])
+    };
+    assert_eq!(
+        (told("a"), told("b")),
+        (Some(["0.12", "0.16"]), Some(["1234", "1234"])),
+        "{out}"
+    );
+}
+
+#[test]
 fn what_cannot_be_drawn_is_refused_by_name() {
     let dir = TempDir::new().unwrap();
     fs::create_dir(dir.path().join("empty")).unwrap();
