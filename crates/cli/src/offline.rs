@@ -110,6 +110,11 @@ impl OfflineArgs {
         self.configure_hand(with_stand_in_boards(&self.hand(scene.layout())?)?)
     }
 
+    /// The hand of the configuration named, if one is.
+    pub(crate) fn configured_layout(&self) -> anyhow::Result<Option<Layout>> {
+        Ok(self.configured()?.map(|config| config.layout))
+    }
+
     /// The hand that the recording is of ([`InputArgs::hand`]).
     pub(crate) fn hand(&self, default: &str) -> anyhow::Result<Layout> {
         self.input.hand(self.configured()?.as_ref(), default)

@@ -80,6 +80,11 @@ fn asked(args: &Args) -> anyhow::Result<Asked> {
         .as_ref()
         .map(|layout| [layout.height, layout.width].map(usize::from));
     let labelled = Labelled::open(&args.offline.input.path, args.offline.input.array(), image)?;
+    let taxels = labelled.frames.first().map_or(0, Vec::len);
+    let layout = match (layout, labelled.image_shape) {
+        (None, None) => (args.offline.configured_layout()?).filter(|layout| layout.len() == taxels),
+        (named, _) => named,
+    };
     let config = match (layout, labelled.image_shape) {
         (None, Some((height, width))) => {
             let size =
@@ -88,7 +93,10 @@ fn asked(args: &Args) -> anyhow::Result<Asked> {
                 .configure_hand(Layout::grid(size(width)?, size(height)?)?)?
         }
         (Some(layout), _) => args.offline.configure_hand(layout)?,
-        (None, None) => bail!("{}: say with --layout where the taxels are", labelled.name),
+        (None, None) => bail!(
+            "{}: say with --layout where the {taxels} taxels are",
+            labelled.name
+        ),
     };
     let threshold = args.offline.threshold.unwrap_or(0.0);
     let task = Task::new(

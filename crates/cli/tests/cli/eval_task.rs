@@ -1,7 +1,7 @@
 //! `taxel eval --task`.
 
 use crate::{fails, succeeds};
-use ndarray::{Array1, Array3, Array4};
+use ndarray::{Array1, Array2, Array3, Array4};
 use serde_json::Value;
 use std::path::Path;
 use tempfile::TempDir;
@@ -126,6 +126,41 @@ fn a_task_without_a_force_to_show_says_what_to_do() {
             err.contains("nothing is in contact in any of 16 frames") && err.contains(wanted),
             "{err}"
         );
+    }
+}
+
+#[test]
+fn taxels_without_an_image_are_placed_by_the_configuration() {
+    let dir = TempDir::new().unwrap();
+    let pressed = |(n, taxel): (usize, usize)| if taxel % 2 == n % 2 { 50.0 + n as f64 } else { 1.0 };
+    let mut npz = ndarray_npy::NpzWriter::new(std::fs::File::create(dir.path().join("flat.npz")).unwrap());
+    npz.add_array("frames", &Array2::from_shape_fn((16, 6), pressed))
+        .unwrap();
+    npz.add_array("labels", &Array1::from_iter((0..16).map(|n| n % 2)))
+        .unwrap();
+    npz.finish().unwrap();
+    let layout = |columns: usize| {
+        let row: Vec<String> = (0..columns).map(|n| n.to_string()).collect();
+        format!(
+            "name = \"strip\"\nimage = {{ width = {columns}, height = 1 }}\nbuses = []\n[[module]]\nname = \"a\"\n\
+             part = \"a\"\nprotocol = \"offline\"\nat = [0, 0]\norder = [[{}]]\n",
+            row.join(", ")
+        )
+    };
+    std::fs::write(dir.path().join("strip.toml"), layout(6)).unwrap();
+    std::fs::write(dir.path().join("longer.toml"), layout(7)).unwrap();
+    for name in ["strip", "longer"] {
+        std::fs::write(
+            dir.path().join(format!("{name}-config.toml")),
+            format!("layout = \"{name}.toml\"\n"),
+        )
+        .unwrap();
+    }
+    let eval = ["eval", "flat.npz", "--task", "--method", "optimal"];
+    succeeds(&dir, &[&eval[..], &["--config", "strip-config.toml"]].concat());
+    for more in [&[][..], &["--config", "longer-config.toml"]] {
+        let err = fails(&dir, &[&eval[..], more].concat(), 1);
+        assert!(err.contains("say with --layout where the 6 taxels are"), "{err}");
     }
 }
 
