@@ -110,20 +110,15 @@ pub(super) fn contact_truth(report: &EvalReport) -> String {
     })
 }
 
-/// How `optimal` compares with `paper`, or else the method that shows forces best with the one that does worst.
+/// How `optimal`, or else the method that shows forces best, compares with `paper`, or else the one that does worst.
 fn verdict(report: &EvalReport) -> String {
     let named = |name: &str| report.methods.iter().find(|m| m.name == name);
     let by_error =
         |a: &&MethodReport, b: &&MethodReport| a.errors.displayed_nrmse.total_cmp(&b.errors.displayed_nrmse);
-    let (best, other) = match (named("optimal"), named("paper")) {
-        (Some(optimal), Some(paper)) => (optimal, paper),
-        _ => match (
-            report.methods.iter().min_by(by_error),
-            report.methods.iter().max_by(by_error),
-        ) {
-            (Some(best), Some(worst)) => (best, worst),
-            _ => return String::new(),
-        },
+    let best = named("optimal").or_else(|| report.methods.iter().min_by(by_error));
+    let other = named("paper").or_else(|| report.methods.iter().max_by(by_error));
+    let (Some(best), Some(other)) = (best, other) else {
+        return String::new();
     };
     let e = &best.errors;
     // As it is written.

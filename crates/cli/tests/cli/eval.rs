@@ -269,6 +269,10 @@ fn a_configuration_that_excludes_usual_methods_is_judged_by_the_others() {
             "grid:4x4",
         ];
         let (out, err) = succeeds(&dir, &[&["eval", "forces.npy"], &quick[..]].concat());
+        assert!(
+            out.starts_with("`optimal` shows forces with an error of"),
+            "{profile}: {out}"
+        );
         let args = ["eval", "objects.npz", "--task", "--config", "own.toml"];
         let (task_out, task_err) = succeeds(&dir, &args);
         for (excluded, out, err) in [(excluded, out, err), (excluded_of_task, task_out, task_err)] {
