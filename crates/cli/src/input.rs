@@ -146,6 +146,11 @@ impl InputArgs {
         FileKind::of(&self.path) == Some(FileKind::Csv)
     }
 
+    /// Whether its magnitudes are above the level at which their taxel idles.
+    pub(crate) fn idles(&self) -> bool {
+        self.idle.is_some()
+    }
+
     /// Whether it is a recording of `taxel record`, which knows its own hand and configuration.
     pub(crate) fn is_mcap(&self) -> bool {
         FileKind::of(&self.path) == Some(FileKind::Mcap)

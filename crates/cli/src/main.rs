@@ -20,6 +20,7 @@ mod extension;
 mod figures;
 mod forearm;
 mod frame_output;
+mod held_to_the_end;
 mod input;
 mod layouts;
 mod live_lines;

@@ -1,5 +1,6 @@
 //! Recordings as the frames that the daemon would have made of them.
 
+use crate::held_to_the_end::HeldToTheEnd;
 use crate::input::{DEFAULT_LAYOUT, Input, InputArgs, number, pair};
 use crate::offered::offering;
 use crate::piped_file::text_parser;
@@ -14,7 +15,7 @@ use taxel_hand::{Profile, did_you_mean};
 use taxel_playback::calibrated::at_the_beginning;
 use taxel_playback::daemon_changes::DaemonChanges;
 use taxel_playback::log_interfaces::interfaces_of_buses;
-use taxel_playback::pipeline::{Emit, run_counts, run_magnitudes, run_traffic};
+use taxel_playback::pipeline::{Emit, Felt, run_counts, run_magnitudes, run_traffic};
 use taxel_playback::scene_input;
 use taxel_playback::traffic::Traffic;
 use taxel_record::Recording;
@@ -214,14 +215,21 @@ impl OfflineArgs {
             engine.calibrated = at_the_beginning(head, config)?;
         }
         let changes = head.map(|head| DaemonChanges::new(head, config)).transpose()?;
+        let mut held = HeldToTheEnd::default();
+        let mut emit_held = |felt: &Felt<'_>| {
+            held.take(felt.force);
+            emit(felt)
+        };
         match input {
-            Input::Frames(recording) if !recording.has_counts() => self.magnitudes(recording, config, emit),
+            Input::Frames(recording) if !recording.has_counts() => {
+                return self.magnitudes(recording, config, emit);
+            }
+            Input::Scene(scene) => return scene_input::run(scene, config, emit),
             Input::Frames(recording) => {
                 let changes = changes.zip(head).map(|(changes, head)| changes.of_frames(head));
                 let changes = changes.transpose()?.unwrap_or_default();
-                run_counts(recording, &engine, changes, self.input.tile, emit)
+                run_counts(recording, &engine, changes, self.input.tile, &mut emit_held)?;
             }
-            Input::Scene(scene) => scene_input::run(scene, config, emit),
             Input::Log(traffic) => {
                 let (joints, skin): (Vec<_>, Vec<_>) = self
                     .interface
@@ -231,9 +239,11 @@ impl OfflineArgs {
                 let joints = interface_of_joints(traffic, config, &joints)?;
                 let mut interfaces = interfaces_of_buses(traffic, config, &skin, joints.as_deref())?;
                 interfaces.extend(joints);
-                run_traffic(traffic, &interfaces, &engine, changes, emit)
+                run_traffic(traffic, &interfaces, &engine, changes, &mut emit_held)?;
             }
         }
+        held.say(&self.input.name());
+        Ok(())
     }
 
     /// Magnitudes have been through sweep assembly and conditioning, whatever these were.
@@ -268,10 +278,20 @@ impl OfflineArgs {
             )));
         }
         let frames = (0..recording.len()).filter_map(|index| recording.magnitudes(index));
-        let greatest = frames.flatten().copied().fold(f64::NEG_INFINITY, f64::max);
+        let (least, greatest) = (frames.flatten())
+            .fold((f64::INFINITY, f64::NEG_INFINITY), |(least, greatest), value| {
+                (least.min(*value), greatest.max(*value))
+            });
         if greatest < 0.0 {
             eprintln!(
                 "taxel: {name}: every magnitude is below 0, the greatest is {greatest}; a force is from 0 on"
+            );
+        }
+        if self.input.idles() && -least > threshold.max(2.0 * greatest) {
+            eprintln!(
+                "taxel: {name}: values fall by up to {} below rest (--idle) and rise by up to {greatest}; where touch lowers \
+                 them, give them turned over, rest - value",
+                -least
             );
         }
         run_magnitudes(recording, [threshold, release], emit)

@@ -356,8 +356,9 @@ fn no_count(frame: usize, taxels: usize, column: usize, value: f64) -> String {
         false => "",
     };
     format!(
-        "frame {frame}, value {column} is {value}; a raw count is a whole number from 0 to 65535{because}. Magnitudes of \
-         {taxels} x 3 cells are told by --layout grid:{taxels}x3"
+        "frame {frame}, value {column} is {value}; a raw count is a whole number from 0 to 65535{because}. Of forces \
+         on three axes give the norms, numpy.linalg.norm(a, axis=-1); magnitudes of {taxels} x 3 cells are told by \
+         --layout grid:{taxels}x3"
     )
 }
 

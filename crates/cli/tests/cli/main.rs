@@ -1,5 +1,6 @@
 //! The `taxel` command as a user runs it.
 
+mod advice;
 mod begun_in_a_touch;
 mod categorize;
 mod categorize_sweep;
