@@ -4,6 +4,7 @@
 use crate::delivery::Delivery;
 use crate::lane::Lane;
 use crate::message::Message;
+use crate::second_hand::Hands;
 use crate::stream::{Stream, deliver};
 use std::future::poll_fn;
 use std::io::{self, IoSlice};
@@ -22,8 +23,8 @@ pub(crate) struct Feed {
 
 impl Feed {
     /// The next message is the first to come: the newest may be as old as the time since the bus fell
-    /// silent. Ticks go on being counted where the lane has had messages.
-    pub(crate) fn new(stream: &Rc<Stream>, lane: &Rc<Lane>, delivery: Delivery) -> Self {
+    /// silent. Ticks go on being counted where the lane has had messages. A courier sends with these hands.
+    pub(crate) fn new(stream: &Rc<Stream>, lane: &Rc<Lane>, delivery: Delivery, hands: &Rc<Hands>) -> Self {
         let mut newest = stream.newest.clone();
         newest.mark_unchanged();
         lane.begin_after(newest.borrow().tick);
@@ -31,7 +32,7 @@ impl Feed {
             stream.keep();
         }
         if stream.readers.join(lane, delivery) {
-            tokio::task::spawn_local(deliver(Rc::downgrade(stream), newest, lane.hands.clone()));
+            tokio::task::spawn_local(deliver(Rc::downgrade(stream), newest, hands.clone()));
         }
         Self {
             stream: stream.clone(),

@@ -6,7 +6,7 @@
 
 use crate::message::Message;
 use crate::pace::Pace;
-use crate::second_hand::{Hands, Packet};
+use crate::packet::Packet;
 use crate::sent::Sent;
 use crate::socket::Socket;
 use std::cell::Cell;
@@ -20,8 +20,6 @@ use tokio::sync::Notify;
 #[derive(Debug)]
 pub(crate) struct Lane {
     pub(crate) socket: Rc<Socket>,
-    /// What the courier sends with.
-    pub(crate) hands: Rc<Hands>,
     /// Counts of the subscriber, and of all together.
     counts: [Arc<Sent>; 2],
     /// Tick of the last message sent, for the count of those skipped in the header of the next; 0 before the first.
@@ -37,10 +35,9 @@ pub(crate) struct Lane {
 }
 
 impl Lane {
-    pub(crate) fn new(socket: &Rc<Socket>, counts: [Arc<Sent>; 2], hands: &Rc<Hands>) -> Rc<Self> {
+    pub(crate) fn new(socket: &Rc<Socket>, counts: [Arc<Sent>; 2]) -> Rc<Self> {
         Rc::new(Self {
             socket: socket.clone(),
-            hands: hands.clone(),
             counts,
             last: Cell::new(0),
             before: Cell::new(0),

@@ -26,6 +26,7 @@ mod log_lines;
 mod message;
 mod output_slots;
 mod pace;
+mod packet;
 mod profile_maker;
 mod profiles;
 mod raw;

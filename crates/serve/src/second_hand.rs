@@ -7,14 +7,14 @@
 
 use crate::lane::Lane;
 use crate::message::Message;
+use crate::packet::Packet;
 use crate::socket::are_writable;
 use nix::sys::socket::{MsgFlags, sendmsg};
 use std::io::IoSlice;
-use std::os::fd::{AsFd, AsRawFd, OwnedFd};
+use std::os::fd::{AsFd, AsRawFd};
 use std::rc::Rc;
 use std::sync::{Arc, Mutex, MutexGuard, mpsc};
 use std::time::Instant;
-use taxel_wire::HEADER_LEN;
 
 /// Parts that a message's packets are sent in.
 const PARTS: usize = 64;
@@ -26,15 +26,6 @@ const ALONE: usize = 64;
 
 /// What is run on the second thread first.
 pub(crate) type Prepare = Box<dyn FnOnce() + Send>;
-
-/// A message's packet for one lane.
-#[derive(Debug)]
-pub(crate) struct Packet {
-    pub(crate) socket: Arc<OwnedFd>,
-    pub(crate) header: [u8; HEADER_LEN],
-    /// When it was sent, if the socket took it at once.
-    pub(crate) sent: Option<Instant>,
-}
 
 /// Packets that one hand sends in one go. Whoever has locked them sends them, unless that was done.
 #[derive(Debug, Default)]
@@ -152,7 +143,8 @@ mod tests {
     use nix::errno::Errno;
     use nix::poll::{PollFd, PollFlags, poll};
     use nix::sys::socket::{AddressFamily, SockFlag, SockType, recv, send, socketpair};
-    use taxel_wire::{Header, Kind};
+    use std::os::fd::OwnedFd;
+    use taxel_wire::{HEADER_LEN, Header, Kind};
 
     const READERS: usize = 200;
     const PATIENCE_MS: u16 = 20_000;
@@ -168,12 +160,12 @@ mod tests {
     }
 
     /// Lanes that the courier sends, and the other ends of their sockets.
-    fn readers(hands: &Rc<Hands>) -> (Vec<Rc<Lane>>, Vec<OwnedFd>) {
+    fn readers() -> (Vec<Rc<Lane>>, Vec<OwnedFd>) {
         let flags = SockFlag::SOCK_NONBLOCK | SockFlag::SOCK_CLOEXEC;
         let reader = |_| {
             let (ours, theirs) = socketpair(AddressFamily::Unix, SockType::SeqPacket, None, flags).unwrap();
             let socket = Rc::new(Socket::new(ours).unwrap());
-            let lane = Lane::new(&socket, [(); 2].map(|()| Arc::<Sent>::default()), hands);
+            let lane = Lane::new(&socket, [(); 2].map(|()| Arc::<Sent>::default()));
             lane.set_free(true);
             (lane, theirs)
         };
@@ -195,7 +187,7 @@ mod tests {
     #[tokio::test(flavor = "current_thread")]
     async fn the_second_hand_sends_whatever_the_first_has_not() {
         let hands = Hands::new(Some(Box::new(|| ())));
-        let (lanes, theirs) = readers(&hands);
+        let (lanes, theirs) = readers();
         let lanes: Vec<_> = lanes.iter().map(|lane| &**lane).collect();
         let (first, second) = (message(1), message(2));
         hands.send(&first, &lanes);
@@ -231,7 +223,7 @@ mod tests {
         ];
         for (kind, prepare) in kinds {
             let hands = Hands::new(prepare);
-            let (lanes, theirs) = readers(&hands);
+            let (lanes, theirs) = readers();
             let is_full = |at: usize| at % 7 == 3;
             for lane in lanes
                 .iter()

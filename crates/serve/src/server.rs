@@ -2,13 +2,17 @@
 
 use crate::active_profile::Started;
 use crate::config::{Limits, ProfilesConfig};
+use crate::delivery::Delivery;
+use crate::feed::Feed;
 use crate::handle::{Request, Roster, ServerHandle};
+use crate::lane::Lane;
 use crate::output_slots::{OutputSlots, SlotControl, output_slots};
 use crate::profile_maker::{DisplayProfile, ProfileMaker};
 use crate::profiles::{Profiles, start_own};
 use crate::raw::RawStream;
 use crate::registry::Registry;
 use crate::second_hand::{Hands, Prepare};
+use crate::stream::Stream;
 use crate::turns::Turns;
 use std::cell::RefCell;
 use std::rc::Rc;
@@ -93,7 +97,7 @@ pub struct Server<M: ProfileMaker> {
     pub(crate) profiles: Profiles<M>,
     pub(crate) raw: RawStream,
     /// What images are sent with.
-    pub(crate) hands: Rc<Hands>,
+    hands: Rc<Hands>,
     pub(crate) handle: ServerHandle,
     requests: RefCell<Option<mpsc::Receiver<Request>>>,
     /// The task that lets subscribers in.
@@ -134,6 +138,11 @@ impl<M: ProfileMaker> Server<M> {
         if let Some(before) = self.letting_in.replace(Some(letting_in)) {
             before.abort();
         }
+    }
+
+    /// One stream on its way to one subscriber.
+    pub(crate) fn feed(&self, stream: &Rc<Stream>, lane: &Rc<Lane>, delivery: Delivery) -> Feed {
+        Feed::new(stream, lane, delivery, &self.hands)
     }
 
     /// Who is connected, and what is made for them.

@@ -105,14 +105,13 @@ impl<'a, M: ProfileMaker> Subscriber<'a, M> {
         let shown = own.borrow_and_update().clone();
         let socket = Rc::new(socket);
         let registry = &server.registry;
-        let lane =
-            |own: &Arc<Sent>, all: &Arc<Sent>| Lane::new(&socket, [own.clone(), all.clone()], &server.hands);
+        let lane = |own: &Arc<Sent>, all: &Arc<Sent>| Lane::new(&socket, [own.clone(), all.clone()]);
         let image_lane = lane(&entry.images, &registry.images);
         let raw_lane = lane(&entry.raw_frames, &registry.raw_frames);
         let wants = Subscribe::default();
         let subscriber = Self {
             entry,
-            images: Feed::new(&shown.stream, &image_lane, Delivery::of_images(&wants)),
+            images: server.feed(&shown.stream, &image_lane, Delivery::of_images(&wants)),
             wants,
             image_lane,
             raw_lane,
@@ -342,14 +341,16 @@ impl<'a, M: ProfileMaker> Subscriber<'a, M> {
                     if self.raw.is_none() {
                         self.raw_lane.begin(stream.newest_tick().max(self.newest_tick()));
                     }
-                    self.raw = Some(Feed::new(&stream, &self.raw_lane, raw_delivery));
+                    self.raw = Some(self.server.feed(&stream, &self.raw_lane, raw_delivery));
                 }
                 Err(reason) => return Ok(Err(reason)),
             }
         }
         let image_delivery = Delivery::of_images(&wants);
         if wants.image != self.wants.image || self.images.delivery() != image_delivery {
-            self.images = Feed::new(&self.shown.stream, &self.image_lane, image_delivery);
+            self.images = self
+                .server
+                .feed(&self.shown.stream, &self.image_lane, image_delivery);
         }
         match (self.wants.image, wants.image) {
             (true, false) => self.image_lane.end(self.newest_tick()),
@@ -378,7 +379,9 @@ impl<'a, M: ProfileMaker> Subscriber<'a, M> {
     /// Shows a profile, and says so. Ticks go on being counted across a change.
     async fn show(&mut self, shown: Rc<ActiveProfile>) -> Result<(), Farewell> {
         if !Rc::ptr_eq(&shown, &self.shown) {
-            self.images = Feed::new(&shown.stream, &self.image_lane, self.images.delivery());
+            self.images = self
+                .server
+                .feed(&shown.stream, &self.image_lane, self.images.delivery());
             self.image_lane.limit_rate(self.wants.max_rate_hz);
             self.entry.set_profile(shown.id);
             self.shown = shown;
