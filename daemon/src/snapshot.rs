@@ -2,7 +2,7 @@
 
 use hdrhistogram::Histogram;
 use taxel_can::{LinkState, SourceCounters};
-use taxel_hand::{Fault, ForceFrame, TactileFrame};
+use taxel_hand::{Fault, ForceFrame};
 use taxel_joints::JointsSnapshot;
 use taxel_skin::{BoardStatus, BusCounters, BusLoad, ConditionCounters, Finding};
 
@@ -37,9 +37,6 @@ pub(crate) struct Snapshot {
     pub(crate) findings: Vec<Finding>,
     /// What the hand felt.
     pub(crate) force: ForceFrame,
-    /// What it was made of: x, y and z of each taxel, and its status.
-    pub(crate) counts: Vec<[u16; 3]>,
-    pub(crate) status: Vec<u8>,
     /// Whether each taxel is in contact without a change for long.
     pub(crate) unchanging: Vec<bool>,
     /// Taxels in contact.
@@ -93,8 +90,6 @@ impl Snapshot {
                 calibrating: true,
                 ..ForceFrame::new(taxels)
             },
-            counts: vec![[0; 3]; taxels],
-            status: vec![0; taxels],
             unchanging: vec![false; taxels],
             contacts: 0,
             missing: 0,
@@ -113,10 +108,8 @@ impl Snapshot {
         self.findings.extend(findings.iter().take(MOST_FINDINGS));
     }
 
-    /// Copies what the hand felt and from which counts, and counts it.
-    pub(crate) fn take_force(&mut self, tactile: &TactileFrame, felt: &ForceFrame) {
-        self.counts.clone_from(&tactile.counts);
-        self.status.clone_from(&tactile.status);
+    /// Copies what the hand felt, and counts it.
+    pub(crate) fn take_force(&mut self, felt: &ForceFrame) {
         let force = &mut self.force;
         force.seq = felt.seq;
         force.t_ns = felt.t_ns;
@@ -126,6 +119,7 @@ impl Snapshot {
         force.contact.clone_from(&felt.contact);
         force.faults.clone_from(&felt.faults);
         force.repaired.clone_from(&felt.repaired);
+        force.saturated.clone_from(&felt.saturated);
         let missing = felt.faults.iter().filter(|f| f.contains(Fault::Missing)).count();
         let faults = felt.faults.iter().filter(|f| !f.is_empty()).count();
         self.contacts = felt.contact.iter().filter(|contact| **contact).count();

@@ -7,7 +7,7 @@ use taxel_can::{ArrayCounters, SourceAddress};
 use taxel_diagnose::{CurrentProblem, Kind, Place, Problems, Severity};
 use taxel_hand::Fault;
 use taxel_joints::JointsConfig;
-use taxel_skin::{ConditionCounters, Layout, TaxelReading};
+use taxel_skin::{ConditionCounters, Layout};
 use taxel_wire::status::{
     ArrayStatus, BoardStatus, BusStatus, ConditioningStatus, ControlStatus, ErrorCounterStatus,
     ErrorFrameStatus, ImagesStatus, ProblemStatus, QuantileStatus, Status, TaxelStatus, TickStatus,
@@ -78,8 +78,9 @@ impl State {
                     taxel_status(layout, taxel, reasons.collect())
                 })
                 .collect(),
-            saturated: saturated(layout, &snapshot)
-                .map(|taxel| taxel_status(layout, taxel, vec!["saturated".into()]))
+            saturated: (snapshot.force.saturated.iter().enumerate())
+                .filter(|(_, saturated)| **saturated)
+                .map(|(taxel, _)| taxel_status(layout, taxel, vec!["saturated".into()]))
                 .collect(),
             control,
             subscribers: roster.subscriber_status(),
@@ -185,20 +186,6 @@ fn taxel_status(layout: &Layout, taxel: usize, reasons: Vec<String>) -> TaxelSta
         k: layout.k[taxel],
         reasons,
     }
-}
-
-/// The taxels in use that are at an end of their range.
-fn saturated<'a>(layout: &'a Layout, snapshot: &'a Snapshot) -> impl Iterator<Item = usize> + 'a {
-    (0..layout.len()).filter(|taxel| {
-        let reading = TaxelReading {
-            taxel: *taxel as u16,
-            counts: snapshot.counts[*taxel],
-            status: snapshot.status[*taxel],
-        };
-        snapshot.written
-            && snapshot.force.faults[*taxel].is_empty()
-            && layout.wiring_of(*taxel).protocol.is_saturated(&reading)
-    })
 }
 
 fn names(problems: &Problems, place: Place) -> Vec<String> {

@@ -319,7 +319,7 @@ impl TickThread {
             *board = engine.board(module as u16);
         }
         let frames = engine.frames();
-        snapshot.take_force(&frames.tactile, &frames.force);
+        snapshot.take_force(&frames.force);
         for (taxel, unchanging) in snapshot.unchanging.iter_mut().enumerate() {
             *unchanging = engine.conditioner().is_unchanging(taxel);
         }

@@ -20,7 +20,6 @@ use taxel_playback::output_file::{OutputFile, refuse_overlap};
 use taxel_playback::pipeline::Felt;
 use taxel_playback::progress::Progress;
 use taxel_skin::Layout;
-use taxel_wire::Flags;
 use taxeld::Config;
 
 /// Compress a recording offline, with the same core as the daemon and the same bytes as its result.
@@ -192,10 +191,7 @@ impl Run {
         if let (Some(raw), Some(tactile)) = (&mut self.raw, measured) {
             raw.output.put(&raw.layout, &tactile)?;
         }
-        let saturation = measured.map_or(Flags::NONE, |tactile| {
-            Flags::of_saturation(&tactile, force, 0..tactile.counts.len())
-        });
-        self.output.push(image, saturation)
+        self.output.push(image)
     }
 
     fn finish(mut self, args: &Args, config: &Config) -> anyhow::Result<()> {

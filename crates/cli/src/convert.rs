@@ -21,7 +21,6 @@ use taxel_playback::traffic_output::{Check, TrafficFormat, TrafficOutput};
 use taxel_record::Recording;
 use taxel_recorder::Topic;
 use taxel_skin::Layout;
-use taxel_wire::Flags;
 
 /// Write a recording in another format.
 ///
@@ -174,7 +173,7 @@ fn extract(args: &Args, ending: &str) -> anyhow::Result<()> {
         let shown = recorded::images(path)?;
         let mut output = ImageOutput::of_shown(whole, OutputFormat::of(out)?, &shown)?;
         for image in &shown.images {
-            output.push(image, Flags::default())?;
+            output.push(image)?;
         }
         output.finish()?;
         shown.images.len()

@@ -141,7 +141,8 @@ impl Compressor {
         image.levels.extend_from_slice(&self.levels.codebook);
         image.contacts = saturate(self.contacts.len());
         image.calibrating = frame.calibrating;
-        image.repaired = frame.repaired.iter().fold(false, |any, repaired| any | repaired);
+        image.repaired = any(&frame.repaired);
+        image.saturated = any(&frame.saturated);
         let known = taxels.min(frame.faults.len());
         image.count_faults(&frame.faults[..known]);
         image.missing = saturate(usize::from(image.missing) + (taxels - known));
@@ -174,6 +175,11 @@ fn grey_of_level(level: u16, levels: u16) -> u8 {
 /// `floor(255 mu_k / mu_max + 1/2)`, but never 0, which is no contact.
 fn grey_of_force(force: f64, greatest: f64) -> u8 {
     (((255.0 * force) / greatest + 0.5).floor() as u8).max(1)
+}
+
+/// Looks at all, which is faster than to stop at the first: of most hands there is none.
+fn any(marks: &[bool]) -> bool {
+    marks.iter().fold(false, |any, mark| any | mark)
 }
 
 fn saturate(count: usize) -> u16 {

@@ -7,7 +7,7 @@ use std::ops::Range;
 use taxel_compress::Compressor;
 use taxel_hand::{ForceFrame, Geometry, Module, Profile, ProfileError, TactileImage};
 use taxel_joints::MAX_JOINTS;
-use taxel_wire::{Encode, EncodeError, Flags, Header};
+use taxel_wire::{Encode, EncodeError, Header};
 
 /// A compressor, the part of the hand it is shown, and the image it fills.
 #[derive(Debug)]
@@ -55,19 +55,6 @@ impl Display {
         self.image.joints.extend_from_slice(joints);
         &self.image
     }
-
-    fn saturation(&self, frames: &Frames) -> Flags {
-        let of = |taxels| Flags::of_saturation(&frames.tactile, &frames.force, taxels);
-        match &self.region {
-            None => of(0..frames.force.force.len()),
-            Some(mask) => mask
-                .taxels
-                .iter()
-                .cloned()
-                .map(of)
-                .fold(Flags::NONE, |a, b| a | b),
-        }
-    }
 }
 
 impl Encode<Frames> for Display {
@@ -75,11 +62,7 @@ impl Encode<Frames> for Display {
     fn encode(&mut self, frames: &Frames, payload: &mut Vec<u8>) -> Result<Header, EncodeError> {
         let image = self.compress(frames);
         taxel_wire::encode_image_payload(image, payload)?;
-        let header = Header::of_image(image, payload.len());
-        Ok(Header {
-            flags: header.flags | self.saturation(frames),
-            ..header
-        })
+        Ok(Header::of_image(image, payload.len()))
     }
 }
 
@@ -108,6 +91,7 @@ impl Mask {
             masked.contact[inside()].copy_from_slice(&whole.contact[inside()]);
             masked.faults[inside()].copy_from_slice(&whole.faults[inside()]);
             masked.repaired[inside()].copy_from_slice(&whole.repaired[inside()]);
+            masked.saturated[inside()].copy_from_slice(&whole.saturated[inside()]);
         }
         &self.force
     }
@@ -160,8 +144,9 @@ pub fn resolve_region(names: &[String], hand: &Geometry) -> Result<Option<Vec<St
 #[cfg(test)]
 mod tests {
     use super::*;
-    use taxel_hand::{Fault, Faults, Freshness};
+    use taxel_hand::{Fault, Faults};
     use taxel_skin::Layout;
+    use taxel_wire::Flags;
 
     fn hand() -> Layout {
         Layout::builtin("allegro-uskin-15").unwrap()
@@ -200,9 +185,8 @@ mod tests {
             inside += usize::from(thumb);
             frames.force.force[taxel] = if thumb { 100.0 } else { 9000.0 };
             frames.force.contact[taxel] = true;
-            frames.tactile.freshness[taxel] = Freshness::Fresh;
-            frames.tactile.counts[taxel] = if thumb { [100; 3] } else { [65_535; 3] };
             frames.force.repaired[taxel] = !thumb;
+            frames.force.saturated[taxel] = !thumb;
         }
         let elsewhere = layout
             .taxels

@@ -219,6 +219,26 @@ fn every_built_in_hand_feels_what_touches_it() {
     });
 }
 
+#[test]
+fn an_untouched_hand_is_at_no_end_of_its_range() {
+    at_once(&HANDS, |&(name, ..)| {
+        let layout = with_stand_in_boards(&Layout::builtin(name).unwrap()).unwrap();
+        let scene = Scene::parse("name = \"rest\"\nseconds = 3.0\n", "rest.toml").unwrap();
+        let (mut images, mut saturated) = (0, 0);
+        play_with(
+            &layout,
+            &scene,
+            |frames| {
+                images += 1;
+                saturated += frames.force.saturated.iter().filter(|s| **s).count();
+            },
+            |_, _| {},
+        );
+        assert!(images > 20, "{name}: {images} images");
+        assert_eq!(saturated, 0, "{name}, of {images} images");
+    });
+}
+
 /// 1,000 modules of four protocols on 82 buses, 6,160 taxels.
 fn thousand_modules() -> Layout {
     let buses: Vec<String> = (0..82).map(|i| format!("\"can{i}\"")).collect();

@@ -180,6 +180,9 @@ pub struct ForceFrame {
     pub faults: Vec<Faults>,
     /// Whether this taxel's value was repaired in this frame: unwrapped, or a glitch was held back.
     pub repaired: Vec<bool>,
+    /// Whether this taxel is used and reads an end of its range, as its board's protocol says: it may be pressed harder
+    /// than it can tell.
+    pub saturated: Vec<bool>,
     /// The contact threshold in force, in the unit of `force`.
     pub threshold: f64,
     /// Whether the baseline is still being measured; no taxel is in contact then.
@@ -219,6 +222,7 @@ impl ForceFrame {
             contact: vec![false; taxels],
             faults: vec![Faults::NONE; taxels],
             repaired: vec![false; taxels],
+            saturated: vec![false; taxels],
             threshold: 0.0,
             calibrating: false,
         }

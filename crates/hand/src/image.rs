@@ -31,6 +31,8 @@ pub struct TactileImage {
     pub calibrating: bool,
     /// Whether a value was repaired in this frame: unwrapped, or a glitch held back.
     pub repaired: bool,
+    /// Whether a taxel that is used reads an end of its range ([`crate::ForceFrame::saturated`]).
+    pub saturated: bool,
     /// Joint angles of the same instant, radians; empty where no joints are read.
     pub joints: Vec<f32>,
 }

@@ -10,7 +10,7 @@ use std::path::Path;
 use taxel_hand::{Profile, TactileImage};
 use taxel_record::{ImageStack, ImageTable};
 use taxel_skin::Layout;
-use taxel_wire::{Flags, Header, ImageView, encode_image_payload};
+use taxel_wire::{Header, ImageView, encode_image_payload};
 
 /// What a file of images looks like.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -114,18 +114,18 @@ impl ImageOutput {
         })
     }
 
-    /// Writes an image; `more_flags` are those that the image does not tell itself.
-    pub fn push(&mut self, image: &TactileImage, more_flags: Flags) -> anyhow::Result<()> {
+    /// Writes an image.
+    pub fn push(&mut self, image: &TactileImage) -> anyhow::Result<()> {
         let written = match &mut self.sink {
             Sink::Npz(stack) | Sink::Npy(stack) => return Ok(stack.push(image)?),
             Sink::Csv(table) => table.push(image),
             Sink::Jsonl(file) => {
-                let header = encode(image, more_flags, &mut self.payload)?;
+                let header = encode(image, &mut self.payload)?;
                 let view = ImageView::decode(&self.payload)?;
                 writeln!(file, "{}", image_line::json(&header, &view, None))
             }
             Sink::Bin(file) => {
-                let header = encode(image, more_flags, &mut self.payload)?;
+                let header = encode(image, &mut self.payload)?;
                 file.write_all(&header.to_bytes())
                     .and_then(|()| file.write_all(&self.payload))
             }
@@ -153,9 +153,7 @@ impl ImageOutput {
 }
 
 /// What a subscriber is given, of which both formats are made.
-fn encode(image: &TactileImage, more_flags: Flags, payload: &mut Vec<u8>) -> anyhow::Result<Header> {
+fn encode(image: &TactileImage, payload: &mut Vec<u8>) -> anyhow::Result<Header> {
     encode_image_payload(image, payload)?;
-    let mut header = Header::of_image(image, payload.len());
-    header.flags |= more_flags;
-    Ok(header)
+    Ok(Header::of_image(image, payload.len()))
 }

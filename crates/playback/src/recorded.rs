@@ -142,7 +142,7 @@ pub fn images(path: &Path) -> anyhow::Result<ShownImages> {
             display = newest.map_or(display, |hello| [hello.profile.levels, hello.profile.actuators]);
             continue;
         }
-        let Some((image, _)) = read_image(data) else {
+        let Some(image) = read_image(data) else {
             continue;
         };
         if hand.another().is_some() {

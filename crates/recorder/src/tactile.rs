@@ -157,8 +157,8 @@ pub fn image_message(header: &Header, image: &ImageView<'_>) -> Vec<u8> {
     cdr.finish()
 }
 
-/// Reads a tactile image, with the flags of its message; none where the message is none.
-pub fn read_image(message: &[u8]) -> Option<(TactileImage, Flags)> {
+/// Reads a tactile image; none where the message is none.
+pub fn read_image(message: &[u8]) -> Option<TactileImage> {
     let mut cdr = CdrReader::new(message)?;
     let (seq, t_ns, flags, _skipped) = (cdr.u64()?, cdr.u64()?, cdr.u16()?, cdr.u32()?);
     let (width, height) = (cdr.u16()?, cdr.u16()?);
@@ -186,7 +186,7 @@ pub fn read_image(message: &[u8]) -> Option<(TactileImage, Flags)> {
             force: force[i].into(),
         }
     });
-    let image = TactileImage {
+    Some(TactileImage {
         seq,
         t_ns,
         width,
@@ -199,7 +199,7 @@ pub fn read_image(message: &[u8]) -> Option<(TactileImage, Flags)> {
         missing,
         calibrating: flags.contains(Flags::CALIBRATING),
         repaired: flags.contains(Flags::REPAIRED),
+        saturated: flags.contains(Flags::SATURATED),
         joints,
-    };
-    Some((image, flags))
+    })
 }

@@ -49,7 +49,7 @@ enum taxel_flag {
     TAXEL_FLAG_CALIBRATING = 1 << 2, /* the baseline is being measured; the image is empty */
     TAXEL_FLAG_REPAIRED = 1 << 3,    /* a value was repaired in this frame */
     TAXEL_FLAG_GAP = 1 << 4,         /* this reader was not given some messages: see skipped */
-    TAXEL_FLAG_SATURATED = 1 << 5,   /* a usable taxel reads 0 or 65535 */
+    TAXEL_FLAG_SATURATED = 1 << 5,   /* a usable taxel reads an end of its range */
     TAXEL_FLAG_MORE = 1 << 15        /* the text goes on in the next message */
 };
 

@@ -4,7 +4,7 @@ use crate::error::DecodeError;
 use crate::fields::{u16_at, u32_at, u64_at};
 use crate::format::{HEADER_LEN, MAGIC, MAJOR, MAX_MESSAGE, MINOR};
 use std::ops::{BitOr, BitOrAssign};
-use taxel_hand::{Fault, ForceFrame, Freshness, TactileFrame, TactileImage};
+use taxel_hand::{Fault, ForceFrame, TactileFrame, TactileImage};
 
 /// What a message is about.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Hash)]
@@ -79,7 +79,7 @@ impl Flags {
     /// This reader was not given at least one image since its last message of this type; set with
     /// [`Header::skipped`].
     pub const GAP: Self = Self(1 << 4);
-    /// At least one usable taxel reads 0 or 65535 on an axis: it may be pressed harder than it can tell.
+    /// At least one usable taxel reads an end of its range: it may be pressed harder than it can tell.
     pub const SATURATED: Self = Self(1 << 5);
     /// The text goes on in the next message, which is of the same type.
     pub const MORE: Self = Self(1 << 15);
@@ -108,20 +108,22 @@ impl Flags {
         }
     }
 
-    /// The flags that an image itself tells: missing, faulty, calibrating, repaired.
+    /// The flags that an image itself tells: missing, faulty, calibrating, repaired, saturated.
     pub fn of_image(image: &TactileImage) -> Self {
         Self::NONE
             .with(Self::MISSING, image.missing > 0)
             .with(Self::FAULTY, image.faulty > 0)
             .with(Self::CALIBRATING, image.calibrating)
             .with(Self::REPAIRED, image.repaired)
+            .with(Self::SATURATED, image.saturated)
     }
 
-    /// The flags that a frame tells: those of [`Flags::of_image`] and [`Flags::SATURATED`].
-    pub fn of_frame(frame: &TactileFrame, force: &ForceFrame) -> Self {
+    /// The flags that a frame tells: those of [`Flags::of_image`].
+    pub fn of_frame(force: &ForceFrame) -> Self {
         let mut flags = Self::NONE
             .with(Self::CALIBRATING, force.calibrating)
-            .with(Self::REPAIRED, force.repaired.contains(&true));
+            .with(Self::REPAIRED, force.repaired.contains(&true))
+            .with(Self::SATURATED, force.saturated.contains(&true));
         for faults in &force.faults {
             if faults.contains(Fault::Missing) {
                 flags |= Self::MISSING;
@@ -129,21 +131,7 @@ impl Flags {
                 flags |= Self::FAULTY;
             }
         }
-        flags | Self::of_saturation(frame, force, 0..frame.counts.len())
-    }
-
-    /// [`Flags::SATURATED`] where one of these taxels can be used and reads 0 or 65535 on an axis.
-    /// Numbers that the frame lacks are passed over.
-    pub fn of_saturation(frame: &TactileFrame, force: &ForceFrame, taxels: std::ops::Range<usize>) -> Self {
-        let end = (taxels.end.min(frame.counts.len()))
-            .min(frame.freshness.len())
-            .min(force.faults.len());
-        let saturated = (taxels.start..end).any(|taxel| {
-            frame.freshness[taxel] == Freshness::Fresh
-                && force.faults[taxel].is_empty()
-                && frame.counts[taxel].iter().any(|c| matches!(c, 0 | 65535))
-        });
-        Self::NONE.with(Self::SATURATED, saturated)
+        flags
     }
 }
 
@@ -215,7 +203,7 @@ impl Header {
     /// The header of a frame's raw counts whose payload has `payload_len` bytes.
     pub fn of_frame(frame: &TactileFrame, force: &ForceFrame, payload_len: usize) -> Self {
         Self {
-            flags: Flags::of_frame(frame, force),
+            flags: Flags::of_frame(force),
             seq: frame.seq,
             t_ns: frame.t_ns,
             ..Self::new(Kind::Raw, payload_len)

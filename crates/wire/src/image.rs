@@ -296,6 +296,7 @@ impl<'a> ImageView<'a> {
             missing: count(self.missing),
             calibrating: header.flags.contains(Flags::CALIBRATING),
             repaired: header.flags.contains(Flags::REPAIRED),
+            saturated: header.flags.contains(Flags::SATURATED),
             joints: self.joints().collect(),
         }
     }

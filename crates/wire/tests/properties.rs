@@ -29,12 +29,12 @@ fn image() -> impl Strategy<Value = TactileImage> {
                 },
             );
             let pixels = vec(any::<u8>(), usize::from(width) * usize::from(height));
-            let counts = (any::<u64>(), any::<u64>(), any::<[u16; 3]>(), any::<[bool; 2]>());
+            let counts = (any::<u64>(), any::<u64>(), any::<[u16; 3]>(), any::<[bool; 3]>());
             (pixels, vec(actuator, 0..17), counts).prop_map(
                 move |(
                     pixels,
                     actuators,
-                    (seq, t_ns, [contacts, faulty, missing], [calibrating, repaired]),
+                    (seq, t_ns, [contacts, faulty, missing], [calibrating, repaired, saturated]),
                 )| {
                     TactileImage {
                         seq,
@@ -49,6 +49,7 @@ fn image() -> impl Strategy<Value = TactileImage> {
                         missing,
                         calibrating,
                         repaired,
+                        saturated,
                         joints: joints.clone(),
                     }
                 },
@@ -340,36 +341,21 @@ fn a_frame_whose_parts_differ_in_length_is_refused() {
 
 #[test]
 fn the_flags_of_a_frame_tell_what_is_remarkable() {
-    let flags = |change: &dyn Fn(&mut taxel_hand::TactileFrame, &mut taxel_hand::ForceFrame)| {
-        let (mut frame, mut force) = vectors::frame();
-        frame.counts[0] = [30_000; 3];
+    let flags = |change: &dyn Fn(&mut taxel_hand::ForceFrame)| {
+        let (_, mut force) = vectors::frame();
         force.repaired = vec![false; 2];
+        force.saturated = vec![false; 2];
         force.faults = vec![Faults::NONE; 2];
-        change(&mut frame, &mut force);
-        Flags::of_frame(&frame, &force)
+        change(&mut force);
+        Flags::of_frame(&force)
     };
-    let dead = |faults: &mut Faults| faults.insert(Fault::Dead);
-    assert_eq!(flags(&|_, _| {}), Flags::NONE);
+    assert_eq!(flags(&|_| {}), Flags::NONE);
     assert_eq!(
-        flags(&|_, force| force.faults[1].insert(Fault::Missing)),
+        flags(&|force| force.faults[1].insert(Fault::Missing)),
         Flags::MISSING
     );
-    assert_eq!(flags(&|_, force| dead(&mut force.faults[0])), Flags::FAULTY);
-    assert_eq!(flags(&|_, force| force.repaired[0] = true), Flags::REPAIRED);
-    assert_eq!(flags(&|_, force| force.calibrating = true), Flags::CALIBRATING);
-    assert_eq!(flags(&|frame, _| frame.counts[0][2] = 65535), Flags::SATURATED);
-    assert_eq!(
-        flags(&|frame, force| {
-            frame.counts[0] = [0; 3];
-            dead(&mut force.faults[0]);
-        }),
-        Flags::FAULTY
-    );
-    assert_eq!(
-        flags(&|frame, _| {
-            frame.counts[0] = [0; 3];
-            frame.freshness[0] = Freshness::Stale;
-        }),
-        Flags::NONE
-    );
+    assert_eq!(flags(&|force| force.faults[0].insert(Fault::Dead)), Flags::FAULTY);
+    assert_eq!(flags(&|force| force.repaired[0] = true), Flags::REPAIRED);
+    assert_eq!(flags(&|force| force.calibrating = true), Flags::CALIBRATING);
+    assert_eq!(flags(&|force| force.saturated[0] = true), Flags::SATURATED);
 }

@@ -113,6 +113,7 @@ fn restrict(force: &ForceFrame, layout: &Layout, parts: &[&str]) -> ForceFrame {
             inside.contact[taxel] = false;
             inside.faults[taxel] = Faults::NONE;
             inside.repaired[taxel] = false;
+            inside.saturated[taxel] = false;
         }
     }
     inside

@@ -7,7 +7,8 @@ use super::place::RepairLimits;
 use super::taxel::{Rules, Sample};
 use super::unchanging::LastingContact;
 use super::{Conditioner, NEVER};
-use crate::reading::status_is_error;
+use crate::protocol::at_end;
+use crate::reading::{TaxelReading, status_is_error};
 use taxel_hand::{Fault, Faults, ForceFrame, Freshness, TactileFrame};
 
 impl Conditioner {
@@ -26,6 +27,25 @@ impl Conditioner {
         }
         out.contact.copy_from_slice(&self.contact);
         out.faults.copy_from_slice(&self.faults);
+        self.find_ends(frame, &mut out.saturated);
+    }
+
+    /// Marks the taxels in use that read an end of their range. Of most hands with three axes none has a count of 0 or
+    /// 65535 at all, so that their boards' protocols are not asked.
+    fn find_ends(&self, frame: &TactileFrame, saturated: &mut [bool]) {
+        let counts = frame.counts.as_flattened().iter();
+        if !counts.fold(false, |any, count| any | at_end(*count)) {
+            saturated.fill(false);
+            return;
+        }
+        for (n, saturated) in saturated.iter_mut().enumerate() {
+            let reading = TaxelReading {
+                taxel: n as u16,
+                counts: frame.counts[n],
+                status: frame.status[n],
+            };
+            *saturated = self.faults[n].is_empty() && self.protocols[n].is_saturated(&reading);
+        }
     }
 
     /// By what this frame's samples are judged.

@@ -76,6 +76,7 @@ pub struct Conditioner {
     motion: Motion,
     tracks: Vec<Track>,
     taxels: Vec<Taxel>,
+    protocols: Vec<Protocol>,
     contact: Vec<bool>,
     lasting: Vec<LastingContact>,
     drift: Vec<DriftState>,
@@ -127,6 +128,7 @@ impl Conditioner {
             without_boards: false,
             motion: Motion::new(taxels),
             tracks: vec![Track::new(); taxels],
+            protocols: vec![Protocol::OFFLINE; taxels],
             contact: vec![false; taxels],
             lasting: vec![LastingContact::NONE; taxels],
             unusual: Vec::with_capacity(taxels),
@@ -155,6 +157,7 @@ impl Conditioner {
         conditioner.without_boards = true;
         for n in 0..layout.len() {
             let protocol = layout.wiring_of(n).protocol;
+            conditioner.protocols[n] = protocol;
             conditioner.without_boards &= protocol == Protocol::OFFLINE;
             let measures = protocol.measures();
             conditioner.taxels[n].scalar = measures.axes == 1;
@@ -257,6 +260,7 @@ impl Conditioner {
         out.contact.resize(taxels, false);
         out.faults.resize(taxels, Faults::NONE);
         out.repaired.resize(taxels, false);
+        out.saturated.resize(taxels, false);
         out.calibrating = self.is_calibrating();
         out.threshold = self.thresholds.theta();
         let lengths = [
@@ -320,6 +324,7 @@ impl Conditioner {
         out.contact.fill(false);
         out.faults.copy_from_slice(&self.faults);
         out.repaired.fill(false);
+        out.saturated.fill(false);
     }
 
     /// The frames' time went backwards, as when a recording starts again.

@@ -149,7 +149,8 @@ pub(crate) trait BoardProtocol: Sync {
         false
     }
 
-    /// Whether a reading is at the end of its range, but not that of a silent chip.
+    /// Whether a reading is at the end of its range, but not that of a silent chip. It has a count of 0 or 65535 then, if
+    /// only on an axis that is not measured.
     fn is_saturated(&self, reading: &TaxelReading) -> bool {
         match self.properties().measures.axes {
             1 => at_end(reading.counts[2]),
@@ -164,7 +165,8 @@ pub(crate) trait BoardProtocol: Sync {
     }
 }
 
-fn at_end(count: u16) -> bool {
+/// Whether a count is 0 or 65535.
+pub(crate) const fn at_end(count: u16) -> bool {
     matches!(count, 0 | u16::MAX)
 }
 

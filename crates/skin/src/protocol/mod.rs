@@ -26,8 +26,8 @@ pub(crate) mod recognised;
 pub(crate) mod uskin;
 mod wired_board;
 
-pub(crate) use board_protocol::Order;
 pub use board_protocol::{Measures, Mtb, Protocol};
+pub(crate) use board_protocol::{Order, at_end};
 pub(crate) use wired_board::WiredBoard;
 
 use recognised::Recognise;

@@ -123,6 +123,7 @@ pub(crate) fn example() -> TactileImage {
         missing: 1,
         calibrating: false,
         repaired: false,
+        saturated: false,
         joints: vec![0.5],
     }
 }
@@ -217,6 +218,7 @@ pub(crate) fn frame() -> (TactileFrame, ForceFrame) {
         contact: vec![true, false],
         faults: vec![Faults::NONE, missing],
         repaired: vec![true, false],
+        saturated: vec![true, false],
         threshold: 40.0,
         calibrating: false,
     };

@@ -5,7 +5,7 @@
 //! with 1.0's number in the header; RAW, which has grown, is the file itself.
 
 use super::*;
-use taxel_wire::{Event, EventKind, Flags, MAX_MESSAGE, MINOR, Subscribe, split_text};
+use taxel_wire::{Event, EventKind, MAX_MESSAGE, MINOR, Subscribe, split_text};
 
 pub(super) fn vectors() -> Vec<Named> {
     let good = vec![
@@ -306,12 +306,12 @@ fn hand() -> Vec<u8> {
         missing: 5,
         calibrating: false,
         repaired: true,
+        saturated: true,
         joints: (0..16).map(|joint| joint as f32 * 0.1 - 0.7).collect(),
     };
     let mut payload = Vec::new();
     encode_image_payload(&image, &mut payload).unwrap();
-    let mut header = Header::of_image(&image, payload.len()).with_skipped(3);
-    header.flags |= Flags::SATURATED;
+    let header = Header::of_image(&image, payload.len()).with_skipped(3);
     [&header.to_bytes()[..], &payload].concat()
 }
 

@@ -1,5 +1,6 @@
 //! Conditioning on signals whose truth is known.
 
+mod ends;
 mod faults;
 mod lasting;
 mod life;
