@@ -209,7 +209,7 @@ impl Run {
             with_faulty,
             ..
         } = self;
-        eprintln!(
+        remark!(
             "{}: {images} images of {}x{}, {with_contact} with contact{}",
             args.out.display(),
             config.layout.height,
@@ -221,9 +221,9 @@ impl Run {
             },
         );
         if images == 0 {
-            eprintln!("taxel: no image: the recording ends before its first tick or sweep is complete");
+            remark!("taxel: no image: the recording ends before its first tick or sweep is complete");
         } else if calibrating == images {
-            eprintln!(
+            remark!(
                 "taxel: every image is empty, since the recording ends within the calibration of {} ms; shorten it \
                  with conditioning.calibration_ms in a file for --config",
                 config.conditioning.calibration_ms
@@ -236,7 +236,7 @@ impl Run {
             let hint = period_ms.map_or_else(String::new, |ms| {
                 format!("; sweep.board_period_ms says that boards send every {ms} ms: do they?")
             });
-            eprintln!("taxel: taxels are missing in {with_missing} images{hint}");
+            remark!("taxel: taxels are missing in {with_missing} images{hint}");
         }
         self.out_of_use.tell("images");
         if let (Some(path), Some(frames)) = (&args.learn_codebook, self.frames) {
@@ -254,7 +254,7 @@ impl Run {
             };
             profile.check()?;
             write_codebook(path, args, &profile, &other_levels(&config.profile))?;
-            eprintln!("{}: {} levels learned", path.display(), profile.codebook.len());
+            remark!("{}: {} levels learned", path.display(), profile.codebook.len());
         }
         if args.json {
             let object = json!({
@@ -312,7 +312,7 @@ impl RawFrames {
     fn finish(mut self, path: &Path) -> anyhow::Result<()> {
         let [frames, _] = self.output.finish()?;
         if frames == 0 {
-            eprintln!(
+            remark!(
                 "taxel: {}: not written, since no taxel has a value in any frame",
                 path.display()
             );

@@ -104,7 +104,7 @@ pub(crate) fn run(args: &Args) -> anyhow::Result<()> {
             }
             let (config, text) = checked?;
             if let Some((path, error)) = taxeld::left_to_service(&config, &text) {
-                eprintln!(
+                remark!(
                     "taxel: not checked: {}, whose folder systemd makes for the service; run by this user, taxeld ends: \
                      {error}",
                     path.display()

@@ -138,7 +138,7 @@ pub(crate) fn run(args: &Args) -> anyhow::Result<()> {
 fn report(args: &Args, count: u64, what: &str) -> anyhow::Result<()> {
     let out = args.out.display();
     let one = what.strip_suffix('s').filter(|_| count == 1);
-    eprintln!("{out}: {count} {}", one.unwrap_or(what));
+    say!("{out}: {count} {}", one.unwrap_or(what));
     if args.json {
         let key = what.to_ascii_lowercase().replace(' ', "_");
         let object = json!({ "out": out.to_string(), key: count });
@@ -206,7 +206,7 @@ fn traffic(args: &Args, input: &Input, output: &mut TrafficOutput, check: &Check
             let layout = args.offline.hand(DEFAULT_LAYOUT)?;
             let sweeps = Sweeps::new(recording, &layout, args.offline.input.tile)?;
             tell_joints(recording);
-            eprintln!(
+            remark!(
                 "taxel: {}: its {} frames go as what boards send; who makes frames of that again samples it anew",
                 recording.name(),
                 recording.len()
@@ -218,7 +218,7 @@ fn traffic(args: &Args, input: &Input, output: &mut TrafficOutput, check: &Check
     if args.offline.input.is_mcap()
         && let Some(counted) = recorded::counted(path, stays_behind)?
     {
-        eprintln!(
+        remark!(
             "taxel: {}: not taken along: {counted}; CAN traffic is all that goes there",
             path.display()
         );
@@ -229,7 +229,7 @@ fn traffic(args: &Args, input: &Input, output: &mut TrafficOutput, check: &Check
 fn tell_joints(recording: &Recording) {
     let joints = recording.joints(0).len();
     if joints > 0 {
-        eprintln!(
+        remark!(
             "taxel: {}: its {joints} joint angles are left out; boards send counts",
             recording.name()
         );
@@ -273,7 +273,7 @@ fn frames(args: &Args, input: &Input, take: &mut TakeFrame<'_>) -> anyhow::Resul
                         TickMode::Timer => format!("every {:.1} ms", 1e3 / config.tick.rate_hz),
                         TickMode::Sweep => "with every sweep".into(),
                     };
-                    eprintln!(
+                    remark!(
                         "taxel: {}: the hand is read off its CAN traffic {when}, as a daemon does",
                         traffic.path().display()
                     );

@@ -121,7 +121,7 @@ pub(crate) fn rezero(args: &RezeroArgs) -> anyhow::Result<()> {
     let contacts = reply["contacts"].as_u64();
     if let Some(contacts @ 1..) = contacts {
         let taxels = if contacts == 1 { "taxel was" } else { "taxels were" };
-        eprintln!(
+        say!(
             "taxel: {contacts} {taxels} in contact just before; if something touches the hand, that is no touch from now \
              on: let go of it, and `taxel rezero` again"
         );

@@ -24,14 +24,14 @@ pub(crate) fn run(words: &[OsString], built_in: &clap::Command) -> ExitCode {
     let folders = folders();
     if let Some(program) = find(name, &folders) {
         let error = Command::new(&program).args(arguments).exec();
-        eprintln!("taxel: {}: {error}", program.display());
+        say!("taxel: {}: {error}", program.display());
         return ExitCode::FAILURE;
     }
     let name = name.to_string_lossy();
     let commands = commands(built_in, &folders);
     let known: Vec<&str> = commands.keys().map(String::as_str).collect();
     let meant = did_you_mean(&name, known.iter().copied());
-    eprintln!(
+    say!(
         "taxel: there is no command `{name}`{meant}\nThere is {}, and what a program taxel-NAME beside taxel or in PATH \
          adds.\n`taxel --list` says what each does.",
         known.join(", ")

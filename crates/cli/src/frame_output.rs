@@ -129,7 +129,7 @@ impl FrameFile {
             FrameFormat::Parquet => Ok(Self::Parquet(Box::new(FrameColumns::create(path, taxels)))),
             _ => {
                 if let Some((height, width)) = image {
-                    eprintln!(
+                    remark!(
                         "taxel: {}: a .csv does not say that its frames are images; it is read with --layout \
                          grid:{height}x{width}",
                         path.display()
@@ -154,7 +154,7 @@ impl FrameFile {
             Self::Csv(table) => table.finish(),
             Self::Arrays(mut arrays) => {
                 if !arrays.are_read() {
-                    eprintln!(
+                    remark!(
                         "taxel: the .npz has more numbers than taxel reads of one; numpy reads it, and taxel what it was \
                          made of, or a .log or .mcap"
                     );

@@ -133,7 +133,7 @@ impl InputArgs {
             error => error.into(),
         })?;
         if let Some(column) = recording.unitless_time() {
-            eprintln!(
+            remark!(
                 "taxel: {}: the column {column:?} is taken for seconds; --time-column UNIT says otherwise",
                 path.display()
             );

@@ -3,7 +3,7 @@
 
 #![cfg_attr(not(test), deny(clippy::print_stdout, clippy::print_stderr))]
 
-#[macro_use(eprintln)]
+#[macro_use(remark, say)]
 extern crate taxel_playback;
 
 mod allocations;

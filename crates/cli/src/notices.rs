@@ -30,7 +30,7 @@ pub(crate) fn say_last(line: &str) {
 fn put(log: &Option<(Log, Flush)>, line: &str) {
     match log {
         Some((log, _)) => log.say(format!("{line}\n")),
-        None => eprintln!("{line}"),
+        None => say!("{line}"),
     }
 }
 

@@ -283,7 +283,7 @@ impl OfflineArgs {
                 (least.min(*value), greatest.max(*value))
             });
         if greatest < 0.0 {
-            eprintln!(
+            remark!(
                 "taxel: {name}: every magnitude is below 0, the greatest is {greatest}; a force is from 0 on"
             );
         }
@@ -330,7 +330,7 @@ fn interface_of_joints(
             );
         }
         if let Some(source) = source.filter(|source| source.serial_device().is_some()) {
-            eprintln!(
+            remark!(
                 "taxel: {}: {} on a serial port are not in a CAN recording; its images carry no joint angles",
                 path.display(),
                 source.device()
@@ -353,7 +353,7 @@ fn interface_of_joints(
             pairs[0].0,
             present.join(", ")
         ),
-        None => eprintln!(
+        None => remark!(
             "taxel: {}: nothing of the {} on {bus}; its angles will be unknown. --interface NAME={JOINTS_BUS} says where it is among {}",
             path.display(),
             source.device(),

@@ -69,7 +69,7 @@ impl OutOfUse {
     /// Says so on stderr.
     pub(crate) fn tell(&self, frames: &str) {
         if let Some(sentence) = self.sentence(frames) {
-            eprintln!("taxel: {sentence}");
+            remark!("taxel: {sentence}");
         }
     }
 }

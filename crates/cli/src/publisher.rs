@@ -53,7 +53,7 @@ impl Publisher {
         };
         let report = move || {
             if let Err(error) = serve() {
-                eprintln!("taxel: {what} are not published: {error}");
+                say!("taxel: {what} are not published: {error}");
             }
         };
         std::thread::Builder::new().name("publish".into()).spawn(report)?;

@@ -231,7 +231,7 @@ impl Args {
     ) -> anyhow::Result<()> {
         let Some((config, file)) = config else {
             if !is_here(hello) {
-                eprintln!(
+                remark!(
                     "taxel: hand {} is not built in{}, and its layout will not be in the recording, which is then read with \
                      --layout alone; --config FILE, the daemon's configuration, puts it there",
                     hello.layout,
@@ -249,7 +249,7 @@ impl Args {
             .map(status_of_daemon)
         {
             Some(Ok(status)) => same_hand::check_buses(config, file, &status)?,
-            Some(Err(error)) => eprintln!(
+            Some(Err(error)) => remark!(
                 "taxel: whether the daemon reads the buses of {} is not known: {error:#}",
                 file.display()
             ),
@@ -290,7 +290,7 @@ impl Args {
             (None, None) => return Ok(Vec::new()),
         };
         if can.is_empty() {
-            eprintln!("taxel: no raw CAN: {whose} reads neither can: nor udp:; --can SOURCE names a bus");
+            remark!("taxel: no raw CAN: {whose} reads neither can: nor udp:; --can SOURCE names a bus");
         }
         Ok(can)
     }

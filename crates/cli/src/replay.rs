@@ -109,7 +109,7 @@ fn play(args: &Args) -> anyhow::Result<Played> {
         Input::Frames(recording) => {
             let joints = recording.joints(0).len();
             if joints > 0 {
-                eprintln!(
+                remark!(
                     "taxel: {}: its {joints} joint angles are left out; boards send counts",
                     recording.name()
                 );

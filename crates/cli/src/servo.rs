@@ -69,7 +69,7 @@ pub(crate) fn run(args: &Args) -> anyhow::Result<()> {
     }
     let reply = control::request(&socket, &request)?;
     if let Some(warning) = reply["warning"].as_str() {
-        eprintln!("taxel: {warning}");
+        say!("taxel: {warning}");
     }
     if args.json {
         let (torque, pwm) = (&request["torque"], &request["pwm_percent"]);

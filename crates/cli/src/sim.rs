@@ -155,7 +155,7 @@ fn play_scene(args: &Args, name: &str, limit_ns: Option<u64>) -> anyhow::Result<
     let named = Layout::resolve(args.layout.as_deref().unwrap_or(scene.layout()))?;
     let layout = with_stand_in_boards(&named)?;
     if named.buses.is_empty() {
-        eprintln!(
+        say!(
             "{0} has no boards on a bus; simulated ones stand in for them. Their layout file for who reads the bus: \
              taxel sim {name} --layout {0} --show",
             named.name
@@ -171,7 +171,7 @@ fn play_scene(args: &Args, name: &str, limit_ns: Option<u64>) -> anyhow::Result<
         simulator.start_all();
         let length_ns = limit_ns.unwrap_or(scene.length_ns());
         if length_ns > scene.length_ns() {
-            eprintln!(
+            say!(
                 "taxel: {} ends after {} s, and a log has it once",
                 scene.name(),
                 scene.seconds()
@@ -187,11 +187,11 @@ fn play_scene(args: &Args, name: &str, limit_ns: Option<u64>) -> anyhow::Result<
         if args.autostart {
             simulator.start_all();
         }
-        eprintln!("{}: {}; Ctrl-C stops it", scene.name(), places.join(", "));
+        say!("{}: {}; Ctrl-C stops it", scene.name(), places.join(", "));
         args.play_live(simulator, &scene, &layout, limit_ns, &mut targets)?;
     }
     targets.finish()?;
-    eprintln!(
+    say!(
         "{} frames sent{}",
         targets.sent(),
         match targets.failed() {
@@ -332,7 +332,7 @@ fn offer_servos(scene: &Scene, layout: &Layout, link: &Path) -> anyhow::Result<(
     let pty = ServoPty::open(bus).context("a pseudo terminal for the servos")?;
     let link_made = StableLink::new(link, pty.path())
         .with_context(|| format!("--servos {}: cannot make this link", link.display()))?;
-    eprintln!(
+    say!(
         "{count} servos, ids 1 to {count}, at {baud} bit/s on {}",
         link.display()
     );

@@ -42,7 +42,7 @@ pub fn at_the_beginning(head: &Head, config: &Config) -> anyhow::Result<Option<C
     }
     let touched = touched.iter().filter(|touched| **touched).count();
     if touched > 0 {
-        eprintln!(
+        remark!(
             "taxel: {}: its first {} ms are taken for an untouched hand, but {touched} taxels were in contact; contacts may \
              be missing, and others be shown that never were",
             head.path().display(),

@@ -111,7 +111,7 @@ impl LeftOut {
 
     fn tell(&self, path: &Path) {
         if let Some(first) = &self.first {
-            eprintln!(
+            remark!(
                 "taxel: {}: {} lines are not classic CAN frames; the first: {first}",
                 path.display(),
                 self.lines
@@ -331,7 +331,7 @@ impl<'a> FrameFile<'a> {
     pub(crate) fn tell(&self) {
         let path = self.path.display();
         match &self.lines {
-            Lines::Candump { log, .. } if log.without_time() > 0 => eprintln!(
+            Lines::Candump { log, .. } if log.without_time() > 0 => remark!(
                 "taxel: {path}: {} frames have no time, and are taken to follow each other on a full bus; `candump -l` keeps times",
                 log.without_time()
             ),
@@ -340,7 +340,7 @@ impl<'a> FrameFile<'a> {
         }
         let left_out = self.interfaces.left_out();
         if !left_out.is_empty() {
-            eprintln!("taxel: {path}: left out: {}", left_out.join(", "));
+            remark!("taxel: {path}: left out: {}", left_out.join(", "));
         }
     }
 }
@@ -349,13 +349,13 @@ impl<'a> FrameFile<'a> {
 fn tell_left_out(path: &Path, reader: &CanReader) {
     let path = path.display();
     for sentence in reader.left_out() {
-        eprintln!("taxel: {path}: {sentence}");
+        remark!("taxel: {path}: {sentence}");
     }
     if reader.lost() > 0 {
-        eprintln!("taxel: {path}: the recorder lost {} frames", reader.lost());
+        remark!("taxel: {path}: the recorder lost {} frames", reader.lost());
     }
     if reader.undecodable() > 0 {
-        eprintln!(
+        remark!(
             "taxel: {path}: {} messages of {} are not what they should be, and left out",
             reader.undecodable(),
             taxel_recorder::Topic::Can.name()

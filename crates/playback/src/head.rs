@@ -42,7 +42,7 @@ impl Head {
         };
         if let [first, .., last] = &parts(path)[..] {
             let (first, last) = (first.display(), last.display());
-            eprintln!("taxel: {}: read of its parts, {first} to {last}", path.display());
+            remark!("taxel: {}: read of its parts, {first} to {last}", path.display());
         }
         if let [first, others @ ..] = &numbered_beside(path)[..] {
             let to_last = others
@@ -109,9 +109,7 @@ impl Head {
         });
         let config = match parsed.transpose() {
             Ok(None) | Err(_) if self.is_damaged => {
-                eprintln!(
-                    "taxel: {path}: the configuration in it is damaged and left out; --config gives one"
-                );
+                remark!("taxel: {path}: the configuration in it is damaged and left out; --config gives one");
                 return Ok(None);
             }
             parsed => parsed.map_err(|error| anyhow::anyhow!("{error:#}; --config gives another"))?,
@@ -126,7 +124,7 @@ impl Head {
             true => "one of that name with other modules or places".into(),
             false => format!("hand {}", hello.layout),
         };
-        eprintln!(
+        remark!(
             "taxel: {path}: the configuration in it is of hand {}, and the daemon read {read}; it is left out, and \
              --config gives another",
             hand.name
@@ -168,7 +166,7 @@ impl Head {
         }
         let Some(hello) = &self.hello else {
             if self.is_undescribed {
-                eprintln!(
+                remark!(
                     "taxel: {}: whose hand it is stood in what is damaged or torn off; --layout names it, or --config",
                     self.path.display()
                 );

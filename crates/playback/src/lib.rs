@@ -5,10 +5,15 @@
 
 #![cfg_attr(not(test), deny(clippy::print_stdout, clippy::print_stderr))]
 
-/// Says a line to people ([`remarks::say`]).
+/// Says a line to people, if this process has not remarked it before ([`remarks::remark`]).
 #[macro_export]
-macro_rules! eprintln {
-    () => { $crate::eprintln!("") };
+macro_rules! remark {
+    ($($words:tt)*) => { $crate::remarks::remark(format!($($words)*)) };
+}
+
+/// Says a line to people, however often it was said before ([`remarks::say`]).
+#[macro_export]
+macro_rules! say {
     ($($words:tt)*) => { $crate::remarks::say(format!($($words)*)) };
 }
 

@@ -203,7 +203,7 @@ impl Survey<'_> {
             1 => "which alone is left",
             _ => "by the boards that it carries",
         };
-        eprintln!(
+        remark!(
             "taxel: {}: {}, {why}; --interface NAME=BUS says otherwise",
             self.path.display(),
             said.join(", ")
@@ -236,7 +236,7 @@ impl Survey<'_> {
         });
         let is_taken = |order: &&[usize]| order.iter().copied().map(Some).eq(taken.iter().copied());
         if let Some(order) = best.only().filter(|order| !is_taken(order)) {
-            eprintln!(
+            remark!(
                 "taxel: {}: the boards that the interfaces carry speak for {}",
                 self.path.display(),
                 self.as_options(&carrying, order)
@@ -266,7 +266,7 @@ impl Survey<'_> {
                 .map(|module| self.layout.modules[usize::from(*module)].name.as_str());
             let names: Vec<&str> = names.take(MOST_NAMED).collect();
             if !names.is_empty() {
-                eprintln!(
+                remark!(
                     "taxel: {}: on {} two boards answer as each of {} ({}{}): their values alternate, and images of them \
                      are wrong; two buses may have been written as one",
                     self.path.display(),
@@ -336,7 +336,7 @@ impl Survey<'_> {
         let skin = self.used(chosen).filter(|(bus, _)| joints_bus != Some(*bus));
         let foreign: BTreeSet<u32> = skin.flat_map(|(_, bus)| bus.foreign.iter().copied()).collect();
         if !foreign.is_empty() {
-            eprintln!(
+            remark!(
                 "taxel: {}: not all of its frames are those of layout {}: {}, which are left out; {} says whose they are",
                 self.path.display(),
                 self.layout.name,
@@ -369,11 +369,11 @@ impl Survey<'_> {
             .zip(chosen)
             .filter(|(_, chosen)| chosen.is_none())
         {
-            eprintln!("taxel: {path}: nothing for bus {bus}; its taxels will be missing");
+            remark!("taxel: {path}: nothing for bus {bus}; its taxels will be missing");
         }
         for (place, heard) in self.heard.iter().enumerate() {
             if !chosen.contains(&Some(place)) && joints != Some(&heard.name) {
-                eprintln!(
+                remark!(
                     "taxel: {path}: interface {} is left out, which is none of the buses of layout {} ({}); \
                      --interface {}=BUS says which it is",
                     heard.name,

@@ -130,7 +130,7 @@ pub fn run_counts(
     let same_time = |frame: &usize| recording.t_ns(*frame) == recording.t_ns(frame - 1);
     let doubled = (1..recording.len()).filter(same_time).count();
     if doubled > 0 {
-        eprintln!(
+        remark!(
             "taxel: {}: no image of their own for {doubled} of {} frames, which have the time of the frame before",
             recording.name(),
             recording.len()
@@ -148,7 +148,7 @@ pub fn run_counts(
     let changes = changes.into_iter().map(played).collect();
     match config.tick.mode {
         TickMode::Timer => {
-            eprintln!(
+            remark!(
                 "taxel: {}: its frames are sampled at the configuration's {} Hz; mode = \"sweep\" in its [tick] gives an \
                  image for each of them",
                 recording.name(),

@@ -60,7 +60,7 @@ impl Player {
             bail!("--loop into a log would fill the disk; leave it out");
         }
         if speed.is_finite() && speed != 1.0 && targets.are_logs() {
-            eprintln!("taxel: --speed {speed}: a log is written at once, with the times of the recording");
+            remark!("taxel: --speed {speed}: a log is written at once, with the times of the recording");
         }
         Ok(Self {
             speed,
@@ -80,7 +80,7 @@ impl Player {
         let played = thread::scope(|scope| self.play(|| ahead(scope, Pass::open(traffic, names, &jumps)?)))?;
         let jumps: ClockJumps = jumps.into_inner().unwrap_or_else(PoisonError::into_inner);
         if jumps.count() > 0 {
-            eprintln!("taxel: {}: {jumps}", traffic.path().display());
+            remark!("taxel: {}: {jumps}", traffic.path().display());
         }
         Ok(played)
     }
@@ -201,7 +201,7 @@ impl Player {
         if *latest > Duration::ZERO {
             text += &format!(", at most {:.1} ms late", latest.as_secs_f64() * 1e3);
         }
-        eprintln!("{text}");
+        say!("{text}");
     }
 }
 

@@ -30,10 +30,10 @@ pub fn frames_and_marks(path: &Path) -> anyhow::Result<(Recording, Vec<Mark>)> {
     if early > 0 {
         let (name, last) = (recording.name(), &marks[early - 1].text);
         match early {
-            1 => eprintln!(
+            1 => remark!(
                 "taxel: {name}: the mark {last:?} was made before the first frame; it is taken to be made with it"
             ),
-            _ => eprintln!(
+            _ => remark!(
                 "taxel: {name}: {early} marks were made before the first frame; the last, {last:?}, is taken to be made \
                  with it, and the others are left out"
             ),
@@ -93,7 +93,7 @@ fn frames_and_wall_marks(path: &Path, nothing: &str) -> anyhow::Result<(Recordin
     }
     tell_left_out(&name, &reader);
     if let Some(rest_ns) = rest_ns {
-        eprintln!(
+        remark!(
             "taxel: {name}: the daemon began anew after {} frames{}; read up to there{}",
             times_ns.len(),
             hand.with_another(),
@@ -146,7 +146,7 @@ pub fn images(path: &Path) -> anyhow::Result<ShownImages> {
             continue;
         };
         if hand.another().is_some() {
-            eprintln!(
+            remark!(
                 "taxel: {name}: the daemon began anew after {} images{}; read up to there{}",
                 images.len(),
                 hand.with_another(),
@@ -156,7 +156,7 @@ pub fn images(path: &Path) -> anyhow::Result<ShownImages> {
         }
         let shape = |image: &TactileImage| (image.width, image.height, image.joints.len());
         if let Some(first) = images.first().filter(|first| shape(first) != shape(&image)) {
-            eprintln!(
+            remark!(
                 "taxel: {name}: images of {} x {} and {} joints after {} of {} x {} and {}; read up to there{}",
                 image.height,
                 image.width,
@@ -281,12 +281,12 @@ pub fn silent(frames: u64) -> String {
 pub fn tell_frames_before(name: &str, before: u64) {
     if before > 0 {
         let frames = if before == 1 { "frame is" } else { "frames are" };
-        eprintln!("taxel: {name}: {before} {frames} left out, before the first in which a taxel has a value");
+        remark!("taxel: {name}: {before} {frames} left out, before the first in which a taxel has a value");
     }
 }
 
 fn tell_left_out(name: &str, reader: &RecordingReader) {
     for sentence in reader.left_out() {
-        eprintln!("taxel: {name}: {sentence}");
+        remark!("taxel: {name}: {sentence}");
     }
 }

@@ -135,12 +135,12 @@ impl<'a> Buses<'a> {
         drop(self.progress);
         self.file.tell();
         if let Some(sentence) = self.file.another_hand() {
-            eprintln!("taxel: {sentence}");
+            remark!("taxel: {sentence}");
         }
         self.file.tell_left_out_lines();
         let path = self.traffic.path().display();
         if self.clock.jumps().count() > 0 {
-            eprintln!("taxel: {path}: {}", self.clock.jumps());
+            remark!("taxel: {path}: {}", self.clock.jumps());
         }
         Ok(())
     }

@@ -1,7 +1,7 @@
 //! What people should know besides what comes out: on stderr, or with whoever draws on the terminal.
 //!
 //! A process has one terminal. So who draws on it says so once, for all that is said meanwhile, wherever that is. A
-//! recording is looked at more than once, and may be played again and again; what is said of it is said once.
+//! recording is looked at more than once, and may be played again and again; what is remarked on it is said once.
 
 use crate::stand_in::as_named;
 use std::io::Write;
@@ -14,7 +14,7 @@ static SAID: Mutex<Said> = Mutex::new(Said {
 
 /// What was said by this process.
 struct Said {
-    /// Each line once.
+    /// Each remark once, and what else is gathered.
     lines: Vec<String>,
     /// The first line that is gathered, while the terminal is drawn on.
     gathered_from: Option<usize>,
@@ -62,8 +62,9 @@ pub(crate) fn are_gathered() -> bool {
     said().gathered_from.is_some()
 }
 
-/// Says a line, with the names that people gave files, if it was not said before.
-pub fn say(line: String) {
+/// Says a line, with the names that people gave files, if it was not said before: a remark on a recording, or on what
+/// the command was asked.
+pub fn remark(line: String) {
     let line = as_named(line);
     let mut said = said();
     if said.lines.contains(&line) {
@@ -75,8 +76,18 @@ pub fn say(line: String) {
     said.lines.push(line);
 }
 
+/// Says a line, with the names that people gave files, as often as it is said: an answer, or something that has happened.
+pub fn say(line: String) {
+    let line = as_named(line);
+    let mut said = said();
+    match said.gathered_from {
+        None => print(&line),
+        Some(_) => said.lines.push(line),
+    }
+}
+
 fn print(line: &str) {
-    // Unlike `eprintln!`, where the terminal is gone or the disk full this is no panic.
+    // Unlike with `eprintln!`, where the terminal is gone or the disk full this is no panic.
     let _ = writeln!(std::io::stderr(), "{line}");
 }
 
@@ -111,5 +122,14 @@ mod tests {
         let is_it = |line: &str| line.contains("1 lines are not classic CAN frames");
         assert!(matches!(&news[..], [line] if is_it(line)), "{news:?}");
         assert_eq!(news_of_a_pass(), Vec::<String>::new());
+        // An answer is no remark: it is given as often as it is asked for.
+        for _ in 0..2 {
+            crate::say!("half-a-log.log is no board");
+        }
+        let answers = remarks.news();
+        let same = answers
+            .iter()
+            .filter(|line| *line == "half-a-log.log is no board");
+        assert_eq!(same.count(), 2, "{answers:?}");
     }
 }

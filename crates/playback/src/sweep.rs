@@ -173,7 +173,7 @@ pub(crate) fn begins_ns(recording: &Recording, longest: usize) -> Vec<u64> {
         begins.push(now_ns);
     }
     if pauses.forward > 0 {
-        eprintln!(
+        remark!(
             "taxel: {}: {} pauses of more than {} s are left out ({:.1} s), the first before frame {}",
             recording.name(),
             pauses.forward,

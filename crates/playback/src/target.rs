@@ -238,7 +238,7 @@ impl Targets {
         }
         if let (Some(first), End::Bus(_)) = (self.names.first(), &self.targets[0].end) {
             let address = &self.targets[0].address;
-            eprintln!(
+            remark!(
                 "taxel: {name} goes to {address} as {first} does, where their boards may share ids; \
                  --interface {name}=SOURCE sends it elsewhere"
             );

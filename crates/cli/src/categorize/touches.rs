@@ -49,7 +49,7 @@ impl Set {
         };
         let sure = in_billionths(sure_step(&self.touches, along, usual)?);
         if step.is_none() && along == Alignment::Time && sure <= MOST_TIMES * usual + 1e-9 {
-            eprintln!(
+            remark!(
                 "taxel: {}: frames came late, so touches are put side by side in steps of {sure} s, not in those of {usual} s \
                  from frame to frame; --step S takes others",
                 self.name
@@ -171,7 +171,7 @@ pub(super) fn open(path: &Path, options: &ReadOptions) -> anyhow::Result<Recordi
 pub(super) fn tell_assumed_rate(recording: &Recording, options: &ReadOptions) -> bool {
     let is_assumed = !recording.has_times() && options.rate_hz.is_none();
     if is_assumed {
-        eprintln!(
+        remark!(
             "taxel: {}: it has no times (of an .npz: nanoseconds, the array t_ns), and is taken for {DEFAULT_RATE_HZ} frames a \
              second; --rate HZ says otherwise",
             recording.name()
@@ -215,7 +215,7 @@ pub(super) fn values(recording: &Recording) -> (usize, Vec<f64>) {
         Recorded::Counts(counts) => counts,
     };
     if recording.missing() > 0 {
-        eprintln!(
+        remark!(
             "taxel: {}: {} values of taxels are not there; the last one of the same taxel is taken for each",
             recording.name(),
             recording.missing()

@@ -103,7 +103,7 @@ pub(crate) fn run(args: &Args) -> anyhow::Result<()> {
     let limit = args.seconds.or(headless.then_some(of_scene));
     let deadline = limit.map(|limit| session.began + limit);
     if let (Some(limit), true) = (limit, headless) {
-        eprintln!(
+        remark!(
             "taxel: the scene {scene_name} is played for {:.0} s without a picture; what came of it is told then",
             limit.as_secs_f64()
         );
@@ -170,7 +170,7 @@ fn scene_and_layout(args: &Args) -> anyhow::Result<(String, Layout)> {
         None => Layout::resolve(resolve(name)?.layout())?,
     };
     if layout.buses.is_empty() {
-        eprintln!(
+        remark!(
             "{} has no boards on a bus; simulated ones stand in for them",
             layout.name
         );

@@ -193,7 +193,7 @@ pub(crate) fn run(args: &Args) -> anyhow::Result<()> {
     tell(&left_out);
     let (methods, same) = told_apart(methods);
     for (name, other) in same {
-        eprintln!("taxel: `{name}` is judged as `{other}`, which this configuration makes it the same as");
+        remark!("taxel: `{name}` is judged as `{other}`, which this configuration makes it the same as");
     }
     // It is refused at once, or not at all.
     let scaling = match args.scaling {
@@ -235,7 +235,7 @@ pub(crate) fn run(args: &Args) -> anyhow::Result<()> {
 /// Says which of the usual methods the configuration excludes.
 fn tell(left_out: &[MethodError]) {
     for excluded in left_out {
-        eprintln!("taxel: left out, since the configuration excludes it: {excluded}");
+        remark!("taxel: left out, since the configuration excludes it: {excluded}");
     }
 }
 

@@ -106,7 +106,7 @@ fn asked(args: &Args) -> anyhow::Result<Asked> {
         threshold,
     )
     .with_context(|| labelled.name.clone())?;
-    eprintln!(
+    remark!(
         "taxel: {}: taken for {} classes of {}",
         labelled.name,
         task.classes(),

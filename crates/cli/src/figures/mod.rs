@@ -89,7 +89,7 @@ pub(crate) fn run(args: &Args) -> anyhow::Result<()> {
             Ok(take) => overview.add(&take)?,
             Err(error) if args.names(path) => return Err(error),
             // A folder may hold other things.
-            Err(error) => eprintln!("taxel: left out: {}", crate::describe(&error)),
+            Err(error) => remark!("taxel: left out: {}", crate::describe(&error)),
         }
     }
     if overview.is_empty() {
@@ -148,7 +148,7 @@ impl Args {
             ..take.profile.clone()
         };
         if let Err(error) = profile.check() {
-            eprintln!("taxel: left out, since the configuration excludes it: paper: {error}");
+            remark!("taxel: left out, since the configuration excludes it: paper: {error}");
             return Ok(None);
         }
         self.take(path, &take.name, Some(Method::Paper)).map(Some)
@@ -158,7 +158,7 @@ impl Args {
     fn touched(&self, path: &Path, name: &str) -> anyhow::Result<Take> {
         let take = self.take(path, name, self.method)?;
         if let Some(sentence) = OutOfUse::of(&take.force).sentence("frames") {
-            eprintln!("taxel: {name}: {sentence}");
+            remark!("taxel: {name}: {sentence}");
         }
         if take.tightest().is_none() {
             bail!(
@@ -201,7 +201,7 @@ impl Args {
         refuse_overlap(&[&path], &self.offline.inputs())?;
         OutputFile::write(&path, text)?;
         let file = path.display().to_string();
-        eprintln!("{file}");
+        say!("{file}");
         match self.json {
             true => writeln!(io::stdout(), "{}", json!({ "file": file })).context("stdout"),
             false => Ok(()),

@@ -247,7 +247,7 @@ fn estimate(args: &EstimateArgs) -> anyhow::Result<()> {
         return Ok(());
     };
     for error in failed {
-        eprintln!("taxel: {}", crate::describe(&error));
+        say!("taxel: {}", crate::describe(&error));
     }
     Err(last)
 }

@@ -54,7 +54,7 @@ pub(super) fn judge(
         let mut report = |progress: &Progress| {
             let is_last = progress.epoch == progress.epochs;
             if is_last || said.is_none_or(|said| said.elapsed() >= LINES) {
-                eprintln!("{}", line(progress, splits.len()));
+                say!("{}", line(progress, splits.len()));
                 said = Some(Instant::now());
             }
             if interrupt.is_set() {

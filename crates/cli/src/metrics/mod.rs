@@ -58,7 +58,7 @@ fn address(text: &str) -> Result<SocketAddr, String> {
 pub(crate) fn run(args: &Args) -> anyhow::Result<()> {
     if let Some(address) = args.listen {
         let listener = TcpListener::bind(address).with_context(|| format!("cannot listen at {address}"))?;
-        eprintln!(
+        say!(
             "metrics at http://{}/metrics; Ctrl-C stops it",
             listener.local_addr()?
         );
@@ -68,7 +68,7 @@ pub(crate) fn run(args: &Args) -> anyhow::Result<()> {
         let mut out = std::io::stdout().lock();
         let status = status(&args.ask);
         if let Err(error) = &status {
-            eprintln!("taxel: {error:#}; so taxeld_up is 0");
+            say!("taxel: {error:#}; so taxeld_up is 0");
         }
         let format = if args.json {
             Format::Json

@@ -83,7 +83,7 @@ impl Answers {
         };
         prompt(&format!("{question}{shown}: "));
         if self.yes {
-            eprintln!("{proposal}");
+            say!("{proposal}");
             return Ok(proposal.into());
         }
         loop {
@@ -98,7 +98,7 @@ impl Answers {
                 }
                 Err(RecvTimeoutError::Timeout) => {}
                 Err(RecvTimeoutError::Disconnected) => {
-                    eprintln!();
+                    say!("");
                     bail!(
                         "stdin ended where `{question}` is asked; --yes answers every question with what stands in [ ]"
                     );
@@ -143,7 +143,7 @@ impl Answers {
     /// What nobody has typed is shown behind its question all the same.
     fn echo(&self, line: &str) {
         if !self.is_typed {
-            eprintln!("{line}");
+            say!("{line}");
         }
     }
 }
@@ -154,7 +154,7 @@ pub(super) const STOPPED: &str = "stopped; nothing was written";
 /// A sentence for the user.
 pub(super) fn say(text: &str) {
     for line in wrap(text, WIDTH) {
-        eprintln!("{line}");
+        say!("{line}");
     }
 }
 

@@ -156,14 +156,14 @@ impl Outcome {
     /// The commands that start the daemon, now and for good.
     pub(super) fn next_steps(&self, hand: &Hand) {
         let config = self.config_path.display();
-        eprintln!("\nTry it:\n    taxeld --config {config}\n    taxel view");
-        eprintln!("As a service, with the package installed:");
+        say!("\nTry it:\n    taxeld --config {config}\n    taxel view");
+        say!("As a service, with the package installed:");
         if let Some(layout) = &self.layout {
             let (path, name) = (layout.path.display(), layout.name());
-            eprintln!("    sudo install -m 644 {path} /etc/taxeld/{name}");
+            say!("    sudo install -m 644 {path} /etc/taxeld/{name}");
         }
-        eprintln!("    sudo install -m 644 {config} /etc/taxeld/taxeld.toml");
-        eprintln!("    sudo systemctl enable --now taxeld");
+        say!("    sudo install -m 644 {config} /etc/taxeld/taxeld.toml");
+        say!("    sudo systemctl enable --now taxeld");
         if hand
             .sources
             .iter()

@@ -199,15 +199,15 @@ impl<'a> Pressing<'a> {
             let called = self.heard.board(board);
             if let Some(other) = places.iter().position(|place| *place == Some(board)) {
                 let other = &hand.modules[other].name;
-                eprintln!();
+                say!("");
                 let why = format!("That is {called}, which is the {other} already.");
                 again = self.refuse(is_pressed, &why)?;
             } else if !self.heard.can_be(board, hand, next) {
-                eprintln!();
+                say!("");
                 let why = format!("That is {}.", self.heard.misfit(board, hand, next));
                 again = self.refuse(is_pressed, &why)?;
             } else {
-                eprintln!("{called}{why}");
+                say!("{called}{why}");
                 places[next] = Some(board);
                 next += 1;
             }
@@ -272,7 +272,7 @@ impl<'a> Pressing<'a> {
                     },
                 };
                 let called = self.heard.board(board);
-                eprintln!("{called}");
+                say!("{called}");
                 let Some((_, other)) = named.iter().find(|(other, _)| *other == board) else {
                     break board;
                 };
@@ -388,7 +388,7 @@ impl Turn<'_> {
                 }
                 Touch::Two(modules) if self.told != Some(modules) => {
                     let [a, b] = modules.map(|module| self.heard.board(module));
-                    eprintln!();
+                    say!("");
                     prompt(&format!("{a} and {b} are both pressed; press one alone: "));
                     self.told = Some(modules);
                 }

@@ -92,7 +92,7 @@ pub(super) fn run(
     daemon.over.store(true, Ordering::Relaxed);
     let _ = reader.join();
     for line in daemon.recorder.finish() {
-        eprintln!("{line}");
+        say!("{line}");
     }
     outcome
 }

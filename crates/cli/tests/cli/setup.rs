@@ -70,6 +70,20 @@ fn boards_of_no_known_hand_are_taken_as_they_were_heard() {
 }
 
 #[test]
+fn what_is_said_of_one_bus_is_said_whole_of_another_that_is_the_same() {
+    let (dir, log) = recording("icub-forearm");
+    let path = dir.path().join("hand.log");
+    let text = fs::read_to_string(&path).unwrap();
+    let both = (text.lines()).map(|line| format!("{line}\n{}\n", line.replace(" can0 ", " can1 ")));
+    fs::write(&path, both.collect::<String>()).unwrap();
+    let (_, said) = succeeds(&dir, &["setup", "--yes", "--dry-run", "--layout", "new", &log]);
+    // The ends of lines that were wrapped.
+    for end in ["(discovery tells which)", "skin_type = 0, shift = 2,"] {
+        assert_eq!(said.matches(end).count(), 2, "{end}: {said}");
+    }
+}
+
+#[test]
 fn the_layout_file_that_is_named_is_beside_the_configuration_and_goes_with_it_to_the_service() {
     let (dir, log) = recording("uskin-module");
     let at = |name: &str| dir.path().join(name);

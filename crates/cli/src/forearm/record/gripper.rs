@@ -337,7 +337,7 @@ impl Drop for Motors<'_> {
         if self.running > 0
             && let Err(error) = self.let_go()
         {
-            eprintln!("taxel: the motors may still be on: {error:#}");
+            say!("taxel: the motors may still be on: {error:#}");
         }
     }
 }

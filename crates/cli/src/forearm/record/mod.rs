@@ -117,9 +117,9 @@ pub(crate) fn run(args: &Args) -> anyhow::Result<()> {
     }
     let plan = Plan::new(&args.folder, args.places, args.repetitions as usize, args.place)?;
     plan.check(args.ramp, &args.fingers, &args.potentiometers)?;
-    eprintln!("taxel: {plan}");
+    say!("taxel: {plan}");
     if !args.allow_motion {
-        eprintln!("taxel: nothing moves without --allow-motion");
+        say!("taxel: nothing moves without --allow-motion");
         return keep_npz(args, &plan);
     }
     let interrupt = Interrupt::install()?;
@@ -141,7 +141,7 @@ pub(crate) fn run(args: &Args) -> anyhow::Result<()> {
         touch: gripper.has_touch(),
         simulated: args.simulated,
     })?;
-    eprintln!("taxel: {gripper}");
+    say!("taxel: {gripper}");
     let recorded = session(args, &plan, &gripper, &interrupt);
     // The fault before what it may have left behind.
     let kept = keep_npz(args, &plan);
@@ -161,7 +161,7 @@ fn keep_npz(args: &Args, plan: &Plan) -> anyhow::Result<()> {
     let mut file = OutputFile::begin(npz)?;
     Session::open(&args.folder)?.write_npz(file.path())?;
     file.finish()?;
-    eprintln!(
+    say!(
         "taxel: all squeezes of {} are in {}",
         args.folder.display(),
         npz.display()
@@ -176,7 +176,7 @@ fn session(args: &Args, plan: &Plan, gripper: &Gripper, interrupt: &Interrupt) -
     let mut faults = 0;
     while let Some(next) = plan.next() {
         if at != Some(next.place) {
-            eprintln!("taxel: {next}. Put the gripper there, open, with the forearm in it.");
+            say!("taxel: {next}. Put the gripper there, open, with the forearm in it.");
             if !args.no_wait && !keys.wait_for_enter(interrupt)? {
                 return stopped(plan);
             }
@@ -213,12 +213,12 @@ fn session(args: &Args, plan: &Plan, gripper: &Gripper, interrupt: &Interrupt) -
         plan.write(&next, &squeeze)?;
         say(&next, &squeeze)?;
     }
-    eprintln!("taxel: all {} squeezes are there", plan.all());
+    say!("taxel: all {} squeezes are there", plan.all());
     Ok(())
 }
 
 fn stopped(plan: &Plan) -> anyhow::Result<()> {
-    eprintln!("taxel: stopped; {plan}. The same command goes on there");
+    say!("taxel: stopped; {plan}. The same command goes on there");
     Ok(())
 }
 
@@ -265,7 +265,7 @@ impl Keys {
 
     /// Waits for Enter; `false` where it was asked to stop.
     fn wait_for_enter(&self, interrupt: &Interrupt) -> anyhow::Result<bool> {
-        eprintln!("taxel: Enter begins, Ctrl-C ends.");
+        say!("taxel: Enter begins, Ctrl-C ends.");
         while self.0.try_recv().is_ok() {}
         loop {
             match self.0.recv_timeout(Duration::from_millis(50)) {
