@@ -293,6 +293,105 @@ mod tests {
         }
     }
 
+    /// Commands that refuse an option of another one by themselves, which is tested with them.
+    const REFUSES_ITSELF: [&str; 1] = ["forearm estimate"];
+
+    /// What is required beside the positional arguments.
+    const REQUIRED: [(&str, &[&str]); 1] = [("categorize", &["--classes", "2"])];
+
+    /// Values, of which each option takes one.
+    const VALUES: [&str; 18] = [
+        "s",
+        "x.csv",
+        "x.svg",
+        "10MB",
+        "xyz-blocks",
+        "robust",
+        "1",
+        "2-6",
+        "a=b",
+        "4x4",
+        "40x40",
+        "grid:4x4",
+        "tap",
+        "can:can0",
+        "can0=can:can0",
+        "dynamixel:/dev/null",
+        "x.npz",
+        "127.0.0.1:1",
+    ];
+
+    /// An option as it is typed, with a value that it takes.
+    fn typed(command: &clap::Command, arg: &clap::Arg) -> Vec<String> {
+        use clap::error::ErrorKind::{InvalidValue, ValueValidation};
+        let name = arg.get_long().map(|long| format!("--{long}"));
+        let possible = arg.get_possible_values();
+        let values = possible
+            .iter()
+            .map(clap::builder::PossibleValue::get_name)
+            .chain(VALUES);
+        let with = |value: &str| {
+            name.clone()
+                .into_iter()
+                .chain([value.to_owned()])
+                .collect::<Vec<_>>()
+        };
+        if !arg.get_action().takes_values() {
+            return name.into_iter().collect();
+        }
+        let is_taken = |words: &Vec<String>| {
+            let line = ["taxel".to_owned()].into_iter().chain(words.clone());
+            let error = command.clone().try_get_matches_from(line).err();
+            !error.is_some_and(|error| matches!(error.kind(), InvalidValue | ValueValidation))
+        };
+        let taken = values.map(with).find(is_taken);
+        taken.unwrap_or_else(|| panic!("VALUES has none for {}", arg.get_id()))
+    }
+
+    /// clap passes over `requires` where the option that is missing excludes one that is there.
+    #[test]
+    fn an_option_of_another_one_is_refused_without_it_whatever_else_is_said() {
+        let (mut looked_at, mut taken) = (0, Vec::new());
+        for (name, command) in leaves(&Cli::command(), "") {
+            if REFUSES_ITSELF.contains(&name.as_str()) {
+                continue;
+            }
+            let mut all: Vec<String> = Vec::new();
+            for positional in command.get_positionals() {
+                all.extend(typed(&command, positional));
+            }
+            let required = REQUIRED.iter().filter(|(of, _)| *of == name);
+            all.extend(required.flat_map(|(_, words)| words.iter().map(|word| word.to_string())));
+            for option in command.get_opts() {
+                let help = option.get_help().map(ToString::to_string).unwrap_or_default();
+                let needed = help
+                    .strip_prefix("With --")
+                    .and_then(|rest| rest.split_once([':', ',']));
+                let Some((needed, _)) = needed.filter(|(needed, _)| !needed.contains(' ')) else {
+                    continue;
+                };
+                let others = command
+                    .get_opts()
+                    .filter(|other| other.get_long() != Some(needed));
+                for (other, base) in others.flat_map(|other| [(other, &all[..]), (other, &[])]) {
+                    let mut line = vec!["taxel".to_owned()];
+                    line.extend_from_slice(base);
+                    line.extend(typed(&command, option));
+                    if other.get_id() != option.get_id() {
+                        line.extend(typed(&command, other));
+                    }
+                    let parsed = command.clone().try_get_matches_from(&line);
+                    looked_at += 1;
+                    if parsed.is_ok() {
+                        taken.push(format!("{name}: {line:?} without --{needed}"));
+                    }
+                }
+            }
+        }
+        assert_eq!(taken, Vec::<String>::new());
+        assert!(looked_at > 200, "{looked_at}");
+    }
+
     #[test]
     fn a_cause_is_not_told_twice() {
         let inner = std::io::Error::other("no such device");

@@ -88,18 +88,21 @@ pub(crate) struct Args {
     #[arg(long, value_name = "N", value_parser = clap::value_parser!(u16).range(1..), requires = "several")]
     most_files: Option<u16>,
     /// Keeps only what is around a trigger: so many seconds before it
-    #[arg(long, value_name = "S", value_parser = seconds(TIMES), conflicts_with_all = ["split_size", "split_seconds"])]
+    #[arg(long, value_name = "S", value_parser = seconds(TIMES), conflicts_with_all = SPLITS)]
     keep: Option<Duration>,
-    /// And so many seconds behind it
-    #[arg(long, value_name = "S", value_parser = seconds(TIMES), default_value = "5", requires = "keep")]
+    /// With --keep: and so many seconds behind it
+    #[arg(long, value_name = "S", value_parser = seconds(TIMES), default_value = "5", requires = "keep", conflicts_with_all = SPLITS)]
     after: Duration,
-    /// What is a trigger; the signal USR1 is one in either case
-    #[arg(long, value_name = "mark|signal", default_value = "mark", requires = "keep")]
+    /// With --keep: what is a trigger; the signal USR1 is one in either case
+    #[arg(long, value_name = "mark|signal", default_value = "mark", requires = "keep", conflicts_with_all = SPLITS)]
     trigger: Trigger,
     /// One JSON object on stdout in the end: the files, what is in them, and what is missing
     #[arg(long)]
     json: bool,
 }
+
+/// What excludes `--keep`, and its options, too: clap does not miss `--keep` beside what excludes it.
+const SPLITS: [&str; 2] = ["split_size", "split_seconds"];
 
 #[derive(Debug, Clone, Copy, PartialEq, Eq, clap::ValueEnum)]
 enum Trigger {

@@ -74,7 +74,7 @@ pub(crate) struct Args {
     servos: Option<PathBuf>,
     /// With --servos, for the scene `forearm`: offer the lines of the fingers' potentiometers, too, at
     /// this link; the table has them as `[joints.analogue]`
-    #[arg(long, value_name = "LINK")]
+    #[arg(long, value_name = "LINK", requires = "servos")]
     potentiometers: Option<PathBuf>,
     /// Where on the forearm the gripper holds, percent from wrist to elbow; for the scene `forearm`
     #[arg(long, value_name = "PERCENT", default_value_t = 50.0, value_parser = place)]
@@ -88,7 +88,7 @@ pub(crate) struct Args {
     /// List the built-in scenes
     #[arg(long, conflicts_with = "scene")]
     list: bool,
-    /// The list as JSON; `seconds` is null where the scene has no end
+    /// With --list: as JSON; `seconds` is null where the scene has no end
     #[arg(long, requires = "list", conflicts_with = "scene")]
     json: bool,
 }

@@ -93,7 +93,7 @@ pub(crate) struct Args {
     #[arg(long, value_name = "COUNTS")]
     contact: Option<f64>,
     /// With --contact: fewest frames of a touch
-    #[arg(long, value_name = "N", default_value_t = 5)]
+    #[arg(long, value_name = "N", default_value_t = 5, requires = "contact", conflicts_with_all = ["marks", "sweep"])]
     least: usize,
     /// Which array of an .npz
     #[arg(long, value_name = "NAME")]
@@ -115,24 +115,30 @@ pub(crate) struct Args {
     #[arg(long, value_name = "MAP", conflicts_with_all = ["sweep", "live"])]
     save: Option<PathBuf>,
     /// Put every touch that a running daemon's hand makes into a category of this map: one JSON object a line
-    #[arg(long, value_name = "MAP", conflicts_with_all = ["input", "classes", "sweep"])]
+    #[arg(long, value_name = "MAP", conflicts_with_all = NOT_LIVE)]
     live: Option<PathBuf>,
     /// With --live: the daemon's image socket [default: where the daemon of this user, or of the system, puts it]
-    #[arg(long, value_name = "PATH", requires = "live")]
+    #[arg(long, value_name = "PATH", requires = "live", conflicts_with_all = NOT_LIVE)]
     socket: Option<PathBuf>,
     /// With --live: wait for the daemon, at the start and whenever it is gone, instead of ending
-    #[arg(long, requires = "live")]
+    #[arg(long, requires = "live", conflicts_with_all = NOT_LIVE)]
     reconnect: bool,
     /// With --live: also publish touches on a socket of this name, as TOUCH messages
-    #[arg(long, value_name = "PATH", requires = "live")]
+    #[arg(long, value_name = "PATH", requires = "live", conflicts_with_all = NOT_LIVE)]
     publish: Option<PathBuf>,
     /// Judge every phantom and motion of a manifest, and say which motion tells the classes apart best
-    #[arg(long, value_name = "MANIFEST", conflicts_with_all = ["input", "classes", "marks", "contact", "basis"])]
+    #[arg(long, value_name = "MANIFEST", conflicts_with_all = NOT_OF_A_SWEEP)]
     sweep: Option<PathBuf>,
     /// With --sweep: draw the publication's figures 6 to 17 here, every number as CSV beside them
-    #[arg(long, value_name = "DIR", requires = "sweep")]
+    #[arg(long, value_name = "DIR", requires = "sweep", conflicts_with_all = NOT_OF_A_SWEEP, conflicts_with = "live")]
     figures: Option<PathBuf>,
 }
+
+/// What excludes `--live`, and its options, too: clap does not miss `--live` beside what excludes it.
+const NOT_LIVE: [&str; 3] = ["input", "classes", "sweep"];
+
+/// What excludes `--sweep`, and its options, too.
+const NOT_OF_A_SWEEP: [&str; 5] = ["input", "classes", "marks", "contact", "basis"];
 
 /// Whose rule makes categories.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, ValueEnum)]

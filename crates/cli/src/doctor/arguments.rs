@@ -53,11 +53,11 @@ pub(crate) struct Args {
     /// Where joint angles come from: dynamixel:DEVICE or allegro:INTERFACE
     #[arg(long, value_name = "SOURCE", conflicts_with = "config")]
     pub(super) joints: Option<JointSource>,
-    /// Ids of the servos, such as 1-16 or 1,2,11-14
-    #[arg(long, value_name = "IDS", requires = "joints")]
+    /// With --joints: ids of the servos, such as 1-16 or 1,2,11-14
+    #[arg(long, value_name = "IDS", requires = "joints", conflicts_with_all = ["config", "scan"])]
     pub(super) ids: Option<String>,
-    /// Bits per second of the servos
-    #[arg(long, value_name = "N", requires = "joints", default_value_t = 1_000_000)]
+    /// With --joints: bits per second of the servos
+    #[arg(long, value_name = "N", requires = "joints", conflicts_with_all = ["config", "scan"], default_value_t = 1_000_000)]
     pub(super) baud: u32,
     /// How long to listen to the hand; below 2.5 s there is no verdict on its taxels
     #[arg(long, value_name = "S", value_parser = seconds(0.001..=3600.0), default_value = "4")]
@@ -66,21 +66,24 @@ pub(crate) struct Args {
     #[arg(long)]
     pub(super) listen_only: bool,
     /// Recognise what speaks on the buses, and propose a layout file for it; it listens and sends nothing
-    #[arg(long, conflicts_with_all = ["layout", "joints", "config"])]
+    #[arg(long, conflicts_with_all = OF_A_KNOWN_HAND)]
     pub(super) scan: bool,
     /// With --scan: ask for boards on buses where nobody speaks, and start those that answer; where none does, CySkin hubs
-    #[arg(long, requires = "scan", conflicts_with = "listen_only")]
+    #[arg(long, requires = "scan", conflicts_with_all = OF_A_KNOWN_HAND, conflicts_with = "listen_only")]
     pub(super) start: bool,
     /// With --scan: write the proposed layout file there instead of to stdout
-    #[arg(long, value_name = "FILE", requires = "scan")]
+    #[arg(long, value_name = "FILE", requires = "scan", conflicts_with_all = OF_A_KNOWN_HAND)]
     pub(super) out: Option<PathBuf>,
     /// With --out: write over a file that is there
-    #[arg(long, requires = "out")]
+    #[arg(long, requires = "out", conflicts_with_all = OF_A_KNOWN_HAND)]
     pub(super) force: bool,
     /// Print one JSON object
     #[arg(long)]
     pub(super) json: bool,
 }
+
+/// What excludes `--scan`, and its options, too: clap does not miss `--scan` beside what excludes it.
+const OF_A_KNOWN_HAND: [&str; 5] = ["layout", "joints", "ids", "baud", "config"];
 
 impl Args {
     /// What the daemon would run, and where that comes from.

@@ -80,10 +80,10 @@ pub(crate) struct Args {
     #[arg(long)]
     scaling: bool,
     /// Measure what can be told from one image: INPUT is an .npz of labelled frames
-    #[arg(long, conflicts_with_all = ["scene", "sweep_k", "scaling", "restarts", "passes", "export", "times"])]
+    #[arg(long, conflicts_with_all = OF_COMPRESSION)]
     task: bool,
     /// With --task: draw the share recognised against actuators and bits, as SVG
-    #[arg(long, value_name = "FILE", requires = "task")]
+    #[arg(long, value_name = "FILE", requires = "task", conflicts_with_all = OF_COMPRESSION)]
     figure: Option<PathBuf>,
     /// Print one JSON object
     #[arg(long)]
@@ -106,6 +106,11 @@ pub(crate) struct Args {
     #[arg(long, value_name = "FILE.npz", value_parser = npz)]
     times: Option<PathBuf>,
 }
+
+/// What says nothing of a task. An option of the task excludes it, too: clap does not miss `--task` beside what excludes it.
+const OF_COMPRESSION: [&str; 7] = [
+    "scene", "sweep_k", "scaling", "restarts", "passes", "export", "times",
+];
 
 /// A file that is written as .npz whatever its name says.
 fn npz(text: &str) -> Result<PathBuf, String> {

@@ -41,9 +41,9 @@ pub(crate) struct Args {
     /// write fails, it is said once and tried again
     #[arg(long, value_name = "FILE")]
     textfile: Option<PathBuf>,
-    /// Seconds between two writes of --textfile, 0.1 to 3600
+    /// With --textfile: seconds between two writes, 0.1 to 3600
     #[arg(long, value_name = "S", default_value = "15", value_parser = seconds(0.1..=3600.0), requires = "textfile",
-          conflicts_with = "listen")]
+          conflicts_with_all = ["listen", "json"])]
     every: Duration,
     /// Once, as a JSON object for each sample, a line each: {"name", "labels", "value"}
     #[arg(long, conflicts_with_all = ["listen", "textfile"])]

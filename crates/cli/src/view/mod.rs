@@ -61,7 +61,7 @@ pub(crate) struct Args {
     /// Draw into this SVG file what is to be seen at the end, instead of on the terminal; - for stdout
     #[arg(long, value_name = "FILE")]
     svg: Option<PathBuf>,
-    /// Columns and rows of that picture
+    /// With --svg: columns and rows of that picture
     #[arg(long, value_name = "WxH", default_value = "120x40", value_parser = size, requires = "svg")]
     size: (u16, u16),
 }
