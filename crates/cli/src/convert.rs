@@ -91,6 +91,7 @@ pub(crate) fn run(args: &Args) -> anyhow::Result<()> {
         .unwrap_or_default()
         .to_ascii_lowercase();
     if args.images || args.marks {
+        args.offline.refuse_profile(&out.display().to_string(), true)?;
         return extract(args, &ending);
     }
     let Some(format) = Format::of_ending(&ending) else {
@@ -102,6 +103,9 @@ pub(crate) fn run(args: &Args) -> anyhow::Result<()> {
     if let Format::Frames(format) = format {
         format.check(out)?;
     }
+    let as_it_is = matches!(format, Format::Traffic(_));
+    args.offline
+        .refuse_profile(&out.display().to_string(), as_it_is)?;
     refuse_overlap(&[out], &args.offline.inputs())?;
     let input = args.offline.input.open()?;
     let interrupt = Interrupt::install()?;

@@ -46,7 +46,7 @@ pub(crate) struct OfflineArgs {
     /// Magnitudes only: a taxel in contact stays in contact down to this, so that one at the
     /// threshold does not flicker [default: the threshold]
     #[arg(long, value_name = "FORCE", value_parser = number("force", FORCES))]
-    release: Option<f64>,
+    pub(crate) release: Option<f64>,
     /// Counts only: how they become forces, robust or paper, the publication's equations (1) and (2) [default: the
     /// configuration's, or else that of the method]
     #[arg(long, value_name = "PRESET", value_parser = preset_parser(), hide_possible_values = true)]
@@ -55,6 +55,24 @@ pub(crate) struct OfflineArgs {
     /// bus of an Allegro hand is called joints
     #[arg(long, value_name = "NAME=BUS", value_parser = pair)]
     interface: Vec<(String, String)>,
+}
+
+/// What a recording holds.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub(crate) enum Held {
+    Traffic,
+    Counts,
+    Magnitudes,
+}
+
+impl Held {
+    fn of(input: &Input) -> Self {
+        match input {
+            Input::Log(_) => Self::Traffic,
+            Input::Frames(recording) if !recording.has_counts() => Self::Magnitudes,
+            Input::Frames(_) | Input::Scene(_) => Self::Counts,
+        }
+    }
 }
 
 const PRESETS: [&str; 2] = ["robust", "paper"];
@@ -166,30 +184,50 @@ impl OfflineArgs {
             }
         };
         self.fit_display(&mut config);
-        let magnitudes = matches!(input, Input::Frames(recording) if !recording.has_counts());
-        if let Some(threshold) = self.threshold.filter(|_| !magnitudes) {
+        self.refuse_beside(Held::of(input))?;
+        Ok(config)
+    }
+
+    /// Refuses options that say nothing about a recording that holds this.
+    pub(crate) fn refuse_beside(&self, held: Held) -> anyhow::Result<()> {
+        if let Some(threshold) = self.threshold.filter(|_| held != Held::Magnitudes) {
             bail!(
                 "--threshold {threshold} is for magnitudes; counts have their threshold measured in calibration"
             );
         }
-        if self.conditioning.is_some() && magnitudes {
+        if self.conditioning.is_some() && held == Held::Magnitudes {
             bail!(
                 "--conditioning is for counts; {} holds magnitudes, which are forces already",
                 self.input.path.display()
             );
         }
-        if let Some(release) = self.release.filter(|_| !magnitudes) {
+        if let Some(release) = self.release.filter(|_| held != Held::Magnitudes) {
             bail!(
                 "--release {release} is for magnitudes; counts have conditioning.threshold_release in a file for --config"
             );
         }
-        if !matches!(input, Input::Log(_)) && !self.interface.is_empty() {
+        if held != Held::Traffic && !self.interface.is_empty() {
             bail!(
                 "--interface is for CAN traffic; {} has no interfaces",
                 self.input.path.display()
             );
         }
-        Ok(config)
+        Ok(())
+    }
+
+    /// Refuses options of a display, and with `as_it_is` those of conditioning, where `what` has neither.
+    pub(crate) fn refuse_profile(&self, what: &str, as_it_is: bool) -> anyhow::Result<()> {
+        let given = [
+            (self.levels.is_some(), "--levels"),
+            (self.actuators.is_some(), "--actuators"),
+            (as_it_is && self.threshold.is_some(), "--threshold"),
+            (as_it_is && self.release.is_some(), "--release"),
+            (as_it_is && self.conditioning.is_some(), "--conditioning"),
+        ];
+        match given.into_iter().find(|(is_given, _)| *is_given) {
+            Some((_, option)) => bail!("{what}: {option} says nothing about it; leave it out"),
+            None => Ok(()),
+        }
     }
 
     /// What the joints of the recording are called, in the order of their angles: by the configuration or the scene; in an

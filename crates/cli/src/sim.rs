@@ -76,9 +76,9 @@ pub(crate) struct Args {
     /// this link; the table has them as `[joints.analogue]`
     #[arg(long, value_name = "LINK", requires = "servos")]
     potentiometers: Option<PathBuf>,
-    /// Where on the forearm the gripper holds, percent from wrist to elbow; for the scene `forearm`
-    #[arg(long, value_name = "PERCENT", default_value_t = 50.0, value_parser = place)]
-    place: f64,
+    /// Where on the forearm the gripper holds, percent from wrist to elbow; for the scene `forearm` [default: 50]
+    #[arg(long, value_name = "PERCENT", value_parser = place)]
+    place: Option<f64>,
     /// Make the scene's marks on the daemon with this control socket, as a robot would; phantoms have marks
     #[arg(long, value_name = "SOCKET")]
     control: Option<PathBuf>,
@@ -135,7 +135,7 @@ pub(crate) fn run(args: &Args) -> anyhow::Result<()> {
             to: &args.to,
             servos: args.servos.as_deref(),
             potentiometers: args.potentiometers.as_deref(),
-            place_percent: args.place,
+            place_percent: args.place.unwrap_or(50.0),
             seed: args.seed.unwrap_or(1),
             limit_ns,
         });
@@ -143,6 +143,12 @@ pub(crate) fn run(args: &Args) -> anyhow::Result<()> {
     if args.potentiometers.is_some() {
         return Err(wrong_use(format!(
             "--potentiometers: only the gripper of the scene {} has them",
+            play::SCENE
+        )));
+    }
+    if args.place.is_some() {
+        return Err(wrong_use(format!(
+            "--place: only the gripper of the scene {} is put somewhere",
             play::SCENE
         )));
     }

@@ -12,7 +12,7 @@ mod trial;
 use crate::input::number;
 use crate::piped_file::recording_parser;
 use crate::wrong_use;
-use anyhow::{Context, bail, ensure};
+use anyhow::{Context, bail};
 use clap::ValueEnum;
 use clap::builder::TypedValueParser;
 pub(crate) use live::{Categorised, Listener, Live, Source, Untold, follow};
@@ -80,15 +80,15 @@ pub(crate) struct Args {
     radius: f64,
     /// From one step to the next: mm, degrees or s [default: the motion's, or the time between frames; where some came late, up to
     /// four times that]
-    #[arg(long, value_name = "STEP")]
+    #[arg(long, value_name = "STEP", value_parser = number("step", 1e-6..=1e6))]
     step: Option<f64>,
     /// Marks that cut a recording into touches: SECONDS,TEXT a line; the last word of a text is the class [default: the marks in
     /// the recording, where it is an .mcap]
     #[arg(long, value_name = "FILE", conflicts_with = "contact")]
     marks: Option<PathBuf>,
-    /// The text of marks that end a touch and begin none
-    #[arg(long, value_name = "TEXT", default_value = "away")]
-    until: String,
+    /// The text of marks that end a touch and begin none [default: away]
+    #[arg(long, value_name = "TEXT", conflicts_with = "contact")]
+    until: Option<String>,
     /// Cut a recording where a taxel is above this; for motions that begin and end with contact
     #[arg(long, value_name = "COUNTS")]
     contact: Option<f64>,
@@ -138,7 +138,7 @@ pub(crate) struct Args {
 const NOT_LIVE: [&str; 3] = ["input", "classes", "sweep"];
 
 /// What excludes `--sweep`, and its options, too.
-const NOT_OF_A_SWEEP: [&str; 5] = ["input", "classes", "marks", "contact", "basis"];
+const NOT_OF_A_SWEEP: [&str; 7] = ["input", "classes", "marks", "contact", "until", "array", "basis"];
 
 /// Whose rule makes categories.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, ValueEnum)]
@@ -217,7 +217,7 @@ pub(crate) fn run(args: &Args) -> anyhow::Result<()> {
             socket: args.socket.as_deref(),
             reconnect: args.reconnect,
         };
-        return live::run(map, source, args.publish.as_deref(), &args.until);
+        return live::run(map, source, args.publish.as_deref(), args.until());
     }
     let text = match &args.sweep {
         Some(manifest) => sweep::run(
@@ -243,6 +243,11 @@ pub(crate) fn run(args: &Args) -> anyhow::Result<()> {
 }
 
 impl Args {
+    /// The text of marks that end a touch.
+    fn until(&self) -> &str {
+        self.until.as_deref().unwrap_or("away")
+    }
+
     /// What is said of every recording.
     fn of_recordings(&self) -> ReadOptions {
         ReadOptions {
@@ -263,21 +268,33 @@ fn read(args: &Args) -> anyhow::Result<Set> {
         return Err(wrong_use(format!("--radius {} needs --depth", args.radius)));
     }
     let knows_itself = input.starts_with("sim:") || FileKind::of(Path::new(input)) == Some(FileKind::Mcap);
-    for (option, is_given) in [
+    let of_frames = [
         ("--columns", args.columns.is_some()),
         ("--rate", args.rate.is_some()),
         ("--layout", args.layout.is_some()),
-    ] {
-        ensure!(
-            !(is_given && knows_itself),
-            "{input}: {option} says nothing about it; leave it out"
-        );
+    ];
+    let array = ("--array", args.array.is_some());
+    let of_cuts = [
+        ("--marks", args.marks.is_some()),
+        ("--contact", args.contact.is_some()),
+        ("--until", args.until.is_some()),
+    ];
+    let refuse = |options: &[(&str, bool)]| match options.iter().find(|(_, is_given)| *is_given) {
+        Some((option, _)) => bail!("{input}: {option} says nothing about it; leave it out"),
+        None => Ok(()),
+    };
+    if knows_itself {
+        refuse(&of_frames)?;
+        refuse(&[array])?;
     }
     if let Some(scene) = input.strip_prefix("sim:") {
+        refuse(&of_cuts)?;
         return touches::of_scene(scene, motion);
     }
     let path = Path::new(input);
     if args.marks.is_none() && args.contact.is_none() && manifest::is_manifest(path)? {
+        refuse(&of_cuts)?;
+        refuse(&[array])?;
         let mut jobs = manifest::read_manifest(path, &args.of_recordings())?;
         if motion.is_some() {
             jobs.retain(|job| job.motion() == motion);
@@ -297,7 +314,7 @@ fn read(args: &Args) -> anyhow::Result<Set> {
     };
     let cutting = Cutting {
         marks: args.marks.clone(),
-        until: args.until.clone(),
+        until: args.until().to_owned(),
         contact: args.contact,
         least: args.least,
     };

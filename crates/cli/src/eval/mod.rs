@@ -10,7 +10,7 @@ mod table;
 mod task;
 
 use crate::allocations::COUNTER;
-use crate::offline::OfflineArgs;
+use crate::offline::{Held, OfflineArgs};
 use crate::out_of_use::OutOfUse;
 use crate::piped_file;
 use crate::sim::recorded_scene_parser;
@@ -185,6 +185,7 @@ pub(crate) fn run(args: &Args) -> anyhow::Result<()> {
     let (frames, config) = match path.strip_prefix("sim:") {
         Some(scene) => {
             args.offline.input.refuse_file_options(&path)?;
+            args.offline.refuse_beside(Held::Counts)?;
             scene::frames(scene, args)?
         }
         None => recorded(args)?,

@@ -2,6 +2,7 @@
 
 use super::table::{self, wrapped};
 use super::{Args, advice_on_forces};
+use crate::offline::Held;
 use crate::wrong_use;
 use anyhow::{Context, bail};
 use serde::Serialize;
@@ -75,6 +76,10 @@ struct Asked {
 fn asked(args: &Args) -> anyhow::Result<Asked> {
     let what = format!("{}, frames with labels", args.offline.input.path.display());
     args.offline.input.refuse_file_options_but("--array", &what)?;
+    args.offline.refuse_beside(Held::Magnitudes)?;
+    if args.offline.release.is_some() {
+        bail!("{what}: --release says nothing about it; leave it out");
+    }
     let layout = args.offline.input.named_layout()?;
     let image = layout
         .as_ref()

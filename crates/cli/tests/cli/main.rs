@@ -19,6 +19,7 @@ mod forearm_scene;
 mod interfaces;
 mod manual;
 mod metrics;
+mod options;
 mod publication;
 mod recorded_hands;
 mod recordings;
