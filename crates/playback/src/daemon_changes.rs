@@ -27,8 +27,10 @@ pub struct DaemonChanges {
     last: Option<Last>,
     /// From when on no frame has had a contact; none where the newest has one.
     free_ns: Option<u64>,
-    /// Since when the daemon has said that it is paused.
+    /// When the daemon last said that it is paused, until a contact is seen behind it.
     paused_ns: Option<u64>,
+    /// Whether it has not said since that it goes on.
+    is_paused: bool,
     changes: VecDeque<DaemonChange>,
 }
 
@@ -55,6 +57,7 @@ impl DaemonChanges {
             last: None,
             free_ns: None,
             paused_ns: None,
+            is_paused: false,
             changes: VecDeque::new(),
         })
     }
@@ -123,8 +126,19 @@ impl DaemonChanges {
         let is_anew = before.is_some_and(|before| frame.seq < before.seq);
         let is_behind_gap = before.is_some_and(|before| t_ns.saturating_sub(before.t_ns) > self.gap_ns);
         let has_contact = frame.contacts().any(|contact| contact);
-        if is_anew || has_contact && self.paused_ns.is_some_and(|paused_ns| paused_ns < t_ns) {
-            self.resume(at_ns);
+        // What it said of a pause may stand before frames that are older.
+        match self.paused_ns {
+            Some(paused_ns) if has_contact || is_anew => {
+                self.pause(false, at_ns);
+                if t_ns > paused_ns || is_anew {
+                    (self.paused_ns, self.is_paused) = (None, false);
+                }
+            }
+            Some(_) if self.free_ns.is_none() => self.pause(true, at_ns),
+            _ => {}
+        }
+        if is_anew {
+            self.free_ns = None;
         }
         match has_contact {
             true => self.free_ns = None,
@@ -145,22 +159,25 @@ impl DaemonChanges {
     fn take_pause(&mut self, is_paused: bool, wall_ns: u64) {
         let last = self.last.map_or([0; 2], |last| [last.t_ns, last.wall_ns]);
         let said_ns = last[0].saturating_add(wall_ns.saturating_sub(last[1]));
+        if is_paused == self.is_paused {
+            return;
+        }
+        self.is_paused = is_paused;
         match is_paused {
-            false => self.resume(said_ns),
-            true if self.paused_ns.is_none() => {
+            true => {
                 self.paused_ns = Some(said_ns);
-                let from_ns = self.free_ns.unwrap_or(said_ns);
-                self.changes.push_back((from_ns, Box::new(Change::Paused(true))));
+                self.pause(true, self.free_ns.unwrap_or(said_ns));
             }
-            true => {}
+            false => {
+                self.pause(false, said_ns);
+                self.free_ns = self.free_ns.map(|free_ns| free_ns.max(said_ns));
+            }
         }
     }
 
-    fn resume(&mut self, t_ns: u64) {
-        if self.paused_ns.take().is_some() {
-            self.changes.push_back((t_ns, Box::new(Change::Paused(false))));
-            self.free_ns = self.free_ns.map(|free_ns| free_ns.max(t_ns));
-        }
+    fn pause(&mut self, is_paused: bool, t_ns: u64) {
+        self.changes
+            .push_back((t_ns, Box::new(Change::Paused(is_paused))));
     }
 }
 
@@ -190,6 +207,7 @@ mod tests {
             last: None,
             free_ns: None,
             paused_ns: None,
+            is_paused: false,
             changes: VecDeque::new(),
         };
         for (t_ms, told) in told {
@@ -256,6 +274,26 @@ mod tests {
             (905, "calibrated"),
             (1495, "calibrated"),
             (4505, "calibrated"),
+        ];
+        assert_eq!(found(&told), wanted);
+    }
+
+    #[test]
+    fn frames_may_come_behind_what_was_said_later() {
+        let told = [
+            (100, Frame(0, false, true)),
+            (200, Event(Paused)),
+            (110, Frame(1, false, true)),
+            (120, Frame(2, false, false)),
+            (300, Event(Resumed)),
+            (280, Frame(3, false, true)),
+        ];
+        let wanted = [
+            (200, "paused"),
+            (105, "resumed"),
+            (115, "paused"),
+            (300, "resumed"),
+            (275, "resumed"),
         ];
         assert_eq!(found(&told), wanted);
     }

@@ -215,6 +215,8 @@ fn a_file_of_metrics_that_cannot_be_written_for_a_while_is_written_again() {
         assert!(Instant::now() < deadline && child.try_wait().unwrap().is_none());
         std::thread::yield_now();
     }
+    let up = said.next().unwrap().unwrap();
+    assert!(up.ends_with("; so taxeld_up is 0"), "{up}");
     for _ in 0..2 {
         std::fs::rename(&folder, &away).unwrap();
         let failed = said.next().unwrap().unwrap();
