@@ -132,7 +132,7 @@ pub(crate) fn recording_file(data: &[u8]) {
             if let Some(frame) = RecordedFrame::read(bytes) {
                 assert!(frame.counts().count() + frame.joints().count() <= bytes.len());
             }
-            if let Some((image, _)) = read_image(bytes) {
+            if let Some(image) = read_image(bytes) {
                 assert_eq!(
                     image.pixels.len(),
                     usize::from(image.width) * usize::from(image.height)
