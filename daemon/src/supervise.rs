@@ -12,7 +12,9 @@ use sd_notify::NotifyState;
 use std::rc::Rc;
 use std::time::Duration;
 use taxel_can::LinkState;
-use taxel_diagnose::{BusView, Crowd, HandView, JointsReporter, JointsView, News, Severity};
+use taxel_diagnose::{
+    ANY_CHANGE_IS_CONTACT, BusView, Crowd, HandView, JointsReporter, JointsView, News, Severity,
+};
 use taxel_hand::Fault;
 use taxel_skin::BoardState;
 use taxel_wire::{Event, EventKind};
@@ -211,10 +213,13 @@ fn report_calibration(state: &State, before: &Snapshot, now: &Snapshot, lines: &
             EventKind::Calibrating,
             "measuring the baseline; do not touch the hand".to_string(),
         ),
-        false => (
-            EventKind::Calibrated,
-            format!("baseline measured, contact threshold {:.1}", now.force.threshold),
-        ),
+        false => {
+            let mut text = format!("baseline measured, contact threshold {:.1}", now.force.threshold);
+            if now.force.threshold == 0.0 {
+                text += &format!(": {ANY_CHANGE_IS_CONTACT}");
+            }
+            (EventKind::Calibrated, text)
+        }
     };
     lines.say(&text, at);
     state.server.announce(Event::new(kind, text));

@@ -12,6 +12,7 @@ use serde_json::json;
 use std::io::Write;
 use std::path::{Path, PathBuf};
 use taxel_compress::learn_codebook;
+use taxel_diagnose::ANY_CHANGE_IS_CONTACT;
 use taxel_engine::Display;
 use taxel_hand::{ForceFrame, LevelSteps, Method, Profile, TactileImage, did_you_mean};
 use taxel_playback::image_output::{ImageOutput, OutputFormat};
@@ -142,6 +143,7 @@ pub(crate) fn run(args: &Args) -> anyhow::Result<()> {
         with_faulty: 0,
         out_of_use: OutOfUse::default(),
         of_counts: false,
+        any_change_is_contact: false,
         has_gaps: matches!(&input, Input::Frames(recording) if recording.missing() > 0),
     };
     let mut display = Display::new(config.profile.clone(), None, &config.layout)?;
@@ -171,6 +173,8 @@ struct Run {
     out_of_use: OutOfUse,
     /// Whether it holds what boards sent, and not magnitudes.
     of_counts: bool,
+    /// Whether the threshold that was measured is 0.
+    any_change_is_contact: bool,
     /// Whether the recording itself says that values are not there.
     has_gaps: bool,
 }
@@ -180,6 +184,7 @@ impl Run {
         let Felt { measured, force, .. } = *felt;
         self.images += 1;
         self.of_counts = measured.is_some();
+        self.any_change_is_contact |= self.of_counts && !force.calibrating && force.threshold == 0.0;
         self.calibrating += u64::from(image.calibrating);
         self.with_contact += u64::from(image.contacts > 0);
         self.with_missing += u64::from(image.missing > 0 && !image.calibrating);
@@ -239,6 +244,11 @@ impl Run {
             remark!("taxel: taxels are missing in {with_missing} images{hint}");
         }
         self.out_of_use.tell("images");
+        if self.any_change_is_contact {
+            eprintln!(
+                "taxel: the contact threshold is 0: {ANY_CHANGE_IS_CONTACT}; --conditioning robust measures it over a longer time"
+            );
+        }
         if let (Some(path), Some(frames)) = (&args.learn_codebook, self.frames) {
             let codebook = learn_codebook(&frames, config.profile.level_count());
             if codebook.is_empty() {

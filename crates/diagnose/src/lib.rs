@@ -38,5 +38,9 @@ pub use readers::Crowd;
 pub use traffic::speaks_on;
 pub use view::{BusView, HandSetup, HandView, Starting};
 
+/// Of a contact threshold of 0, as the publication's rule makes it of two frames that are the same.
+pub const ANY_CHANGE_IS_CONTACT: &str =
+    "nothing changed while it was measured, so that any change is a contact";
+
 #[cfg(test)]
 mod tests;

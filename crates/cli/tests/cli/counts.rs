@@ -1,7 +1,7 @@
 //! Counts of three axes, from whatever skin and in whatever file.
 
 use crate::{fails, succeeds};
-use ndarray::{Array1, Array3, Array4};
+use ndarray::{Array1, Array3, Array4, Axis};
 use ndarray_npy::{NpzReader, NpzWriter, write_npy};
 use std::fs::{File, read_to_string, write};
 use taxel_skin::Layout;
@@ -349,6 +349,32 @@ fn a_configuration_samples_counts_at_its_timer_and_says_so() {
             }
         }
     }
+}
+
+#[test]
+fn a_threshold_of_0_is_told_where_the_publications_two_frames_are_the_same() {
+    let dir = TempDir::new().unwrap();
+    let mut counts = counts();
+    let args = [
+        "compress",
+        "a.npz",
+        "--layout",
+        "uskin-module",
+        "--out",
+        "o.npz",
+        "--method",
+    ];
+    let told = |counts: &Array3<f32>, method: &str| {
+        write_npz(&dir, "a.npz", counts, &times());
+        succeeds(&dir, &[&args[..], &[method]].concat())
+            .1
+            .contains("the contact threshold is 0")
+    };
+    assert!(!told(&counts, "paper"));
+    let first = counts.index_axis(Axis(0), 0).to_owned();
+    counts.index_axis_mut(Axis(0), 1).assign(&first);
+    assert!(told(&counts, "paper"));
+    assert!(!told(&counts, "optimal"));
 }
 
 #[test]
