@@ -200,6 +200,11 @@ impl Run {
     }
 
     fn finish(mut self, args: &Args, config: &Config) -> anyhow::Result<()> {
+        let levels = config.profile.level_count();
+        let learned = self.frames.map(|frames| learn_codebook(&frames, levels));
+        if learned.as_ref().is_some_and(Vec::is_empty) {
+            bail!("no codebook: nothing in the recording is in contact; nothing was written");
+        }
         let writing = Progress::busy(format!("writing {}", args.out.display()));
         self.output.finish()?;
         drop(writing);
@@ -249,13 +254,9 @@ impl Run {
                 "taxel: the contact threshold is 0: {ANY_CHANGE_IS_CONTACT}; --conditioning robust measures it over a longer time"
             );
         }
-        if let (Some(path), Some(frames)) = (&args.learn_codebook, self.frames) {
-            let codebook = learn_codebook(&frames, config.profile.level_count());
-            if codebook.is_empty() {
-                bail!("no codebook: nothing in the recording is in contact");
-            }
+        if let (Some(path), Some(codebook)) = (&args.learn_codebook, learned) {
             let profile = Profile {
-                levels: config.profile.level_count(),
+                levels,
                 jnd: None,
                 level_steps: LevelSteps::Fitted,
                 codebook_learning: None,

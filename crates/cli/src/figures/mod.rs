@@ -77,7 +77,6 @@ pub(crate) fn run(args: &Args) -> anyhow::Result<()> {
         )));
     }
     let names = names(&paths, args.offline.input.array());
-    fs::create_dir_all(&args.out).with_context(|| format!("--out {}", args.out.display()))?;
     if let ([path], [name]) = (&paths[..], &names[..]) {
         let take = args.touched(path, name)?;
         let by_paper = args.by_paper(path, &take)?;
@@ -199,6 +198,7 @@ impl Args {
     fn write_text(&self, name: &str, text: &str) -> anyhow::Result<()> {
         let path = self.out.join(name);
         refuse_overlap(&[&path], &self.offline.inputs())?;
+        fs::create_dir_all(&self.out).with_context(|| format!("--out {}", self.out.display()))?;
         OutputFile::write(&path, text)?;
         let file = path.display().to_string();
         say!("{file}");

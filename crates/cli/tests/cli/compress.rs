@@ -351,6 +351,28 @@ fn a_codebook_is_learned_whatever_gives_the_levels_of_the_configuration() {
 }
 
 #[test]
+fn a_codebook_of_nothing_in_contact_is_none_and_leaves_no_file() {
+    let dir = TempDir::new().unwrap();
+    ndarray_npy::write_npy(dir.path().join("zero.npy"), &Array3::<f32>::zeros((20, 4, 4))).unwrap();
+    for out in ["o.npy", "o.jsonl", "o.bin"] {
+        let args = [
+            "compress",
+            "zero.npy",
+            "--out",
+            out,
+            "--learn-codebook",
+            "book.toml",
+        ];
+        let err = fails(&dir, &args, 1);
+        assert!(err.contains("no codebook"), "{err}");
+        assert!(
+            !dir.path().join(out).exists() && !dir.path().join("book.toml").exists(),
+            "{out}"
+        );
+    }
+}
+
+#[test]
 fn input_that_cannot_be_read_says_what_to_do() {
     let dir = TempDir::new().unwrap();
     let path = |name: &str| -> PathBuf { dir.path().join(name) };

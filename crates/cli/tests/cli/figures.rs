@@ -288,6 +288,7 @@ fn what_cannot_be_drawn_is_refused_by_name() {
     ] {
         let err = fails(&dir, args, 1);
         assert!(err.contains(wanted), "{err}");
+        assert!(!dir.path().join("out").exists(), "{args:?} leaves a folder");
     }
     for (args, wanted) in [
         (&["sim:tap", "--at=-1"][..], "-1 is no time"),
