@@ -175,8 +175,8 @@ fn play_scene(args: &Args, name: &str, limit_ns: Option<u64>) -> anyhow::Result<
         args.refuse_real_time()?;
         let mut simulator = Simulator::new(&scene, &layout, seed)?;
         simulator.start_all();
-        let length_ns = limit_ns.unwrap_or(scene.length_ns());
-        if length_ns > scene.length_ns() {
+        let length_ns = limit_ns.unwrap_or(u64::MAX).min(scene.length_ns());
+        if limit_ns > Some(length_ns) {
             say!(
                 "taxel: {} ends after {} s, and a log has it once",
                 scene.name(),
