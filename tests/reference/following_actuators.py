@@ -33,7 +33,7 @@ def neighbour_distance(modules):
     """Distance of neighbouring taxels, millimetres, of modules of taxels' places x and y: half the reach on the hand laid flat."""
     near = []
     for places in modules:
-        at = np.asarray(places, dtype=F).astype(np.float64)
+        at = np.unique(np.asarray(places, dtype=F), axis=0).astype(np.float64)
         apart = ((at[:, None] - at[None, :]) ** 2).sum(axis=2)
         apart[apart == 0] = np.inf
         near += [square for row in apart for square in row if square <= 1.001 * row.min() < np.inf]

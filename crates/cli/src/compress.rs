@@ -203,7 +203,11 @@ impl Run {
         let levels = config.profile.level_count();
         let learned = self.frames.map(|frames| learn_codebook(&frames, levels));
         if learned.as_ref().is_some_and(Vec::is_empty) {
-            bail!("no codebook: nothing in the recording is in contact; nothing was written");
+            let written = match args.out.as_os_str() == "-" {
+                true => "the images are out",
+                false => "nothing was written",
+            };
+            bail!("no codebook: nothing in the recording is in contact; {written}");
         }
         let writing = Progress::busy(format!("writing {}", args.out.display()));
         self.output.finish()?;
@@ -250,7 +254,7 @@ impl Run {
         }
         self.out_of_use.tell("images");
         if self.any_change_is_contact {
-            eprintln!(
+            remark!(
                 "taxel: the contact threshold is 0: {ANY_CHANGE_IS_CONTACT}; --conditioning robust measures it over a longer time"
             );
         }

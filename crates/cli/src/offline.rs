@@ -326,7 +326,7 @@ impl OfflineArgs {
             );
         }
         if self.input.idles() && -least > threshold.max(2.0 * greatest) {
-            eprintln!(
+            remark!(
                 "taxel: {name}: values fall by up to {} below rest (--idle) and rise by up to {greatest}; where touch lowers \
                  them, give them turned over, rest - value",
                 -least

@@ -26,7 +26,12 @@ impl Geometry {
         let mut places: Vec<[f64; 2]> = (taxels.iter())
             .filter_map(|taxel| taxel.position_mm.map(|[x, y, _]| [x, y].map(f64::from)))
             .collect();
-        places.sort_unstable_by(|a, b| a[0].total_cmp(&b[0]));
+        // Along the longer side, on which few are near.
+        if extent(&places, 1) > extent(&places, 0) {
+            places.iter_mut().for_each(|place| place.reverse());
+        }
+        places.sort_unstable_by(|a, b| a[0].total_cmp(&b[0]).then(a[1].total_cmp(&b[1])));
+        places.dedup();
         let mut nearest = Vec::new();
         for n in 0..places.len() {
             let mut least = f64::INFINITY;
@@ -41,6 +46,11 @@ impl Geometry {
         }
         nearest
     }
+}
+
+fn extent(places: &[[f64; 2]], axis: usize) -> f64 {
+    let along = || places.iter().map(|place| place[axis]);
+    along().fold(f64::NEG_INFINITY, f64::max) - along().fold(f64::INFINITY, f64::min)
 }
 
 /// Squared distances from a place to others, in the order of x to either side, for as long as x alone is within what

@@ -48,7 +48,7 @@ impl Head {
             let to_last = others
                 .last()
                 .map_or(String::new(), |last| format!(" to {}", last.display()));
-            eprintln!(
+            remark!(
                 "taxel: {}: read alone; a recorder goes on in {}{to_last} where its daemon runs with another configuration or reads \
                  other buses, which is read by its own name",
                 path.display(),

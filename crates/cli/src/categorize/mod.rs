@@ -93,7 +93,7 @@ pub(crate) struct Args {
     #[arg(long, value_name = "COUNTS")]
     contact: Option<f64>,
     /// With --contact: fewest frames of a touch
-    #[arg(long, value_name = "N", default_value_t = 5, requires = "contact", conflicts_with_all = ["marks", "sweep"])]
+    #[arg(long, value_name = "N", default_value_t = 5, requires = "contact", conflicts_with_all = ["marks", "until", "sweep"])]
     least: usize,
     /// Which array of an .npz
     #[arg(long, value_name = "NAME")]

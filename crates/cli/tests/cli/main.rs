@@ -4,6 +4,7 @@ mod advice;
 mod begun_in_a_touch;
 mod categorize;
 mod categorize_sweep;
+mod codebook;
 mod compress;
 mod config;
 mod counts;
