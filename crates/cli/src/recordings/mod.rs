@@ -1,0 +1,8 @@
+//! Recordings as commands take them, what is told of them, and frames and marks in files.
+
+pub(crate) mod frame_output;
+pub(crate) mod held_to_the_end;
+pub(crate) mod input;
+pub(crate) mod marks_file;
+pub(crate) mod offline;
+pub(crate) mod out_of_use;
