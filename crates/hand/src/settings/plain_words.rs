@@ -1,6 +1,6 @@
 //! What serde says of a value in a file that it refuses, in words for who wrote the file.
 
-use crate::did_you_mean::did_you_mean;
+use super::did_you_mean::did_you_mean;
 
 /// A message of serde or toml in plain words: what was found, what is wanted, how to write it, and which known name a
 /// misspelt one is likely to mean. What it does not know stays as it is.
