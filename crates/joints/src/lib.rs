@@ -14,8 +14,7 @@ mod dynamixel;
 mod error;
 mod feed;
 mod reader;
-mod reading_thread;
-mod shown;
+mod serial;
 mod source;
 mod synchrony;
 
@@ -30,13 +29,12 @@ pub use analogue::{
 pub use buses::{JointsBus, JointsError};
 pub use config::{JointSource, JointsConfig};
 pub use dynamixel::{
-    BusSurvey, DynamixelConfig, FastSyncRead, FoundServo, PortError, PortLatency, PortState, PortStatus,
-    SerialBus, ServoConfig, ServoReader, ServoSnapshot, StartError, SurveyedServo, bus, protocol2, registers,
-    scan, survey,
+    BusSurvey, DynamixelConfig, FastSyncRead, FoundServo, SerialBus, ServoConfig, ServoReader, ServoSnapshot,
+    SurveyedServo, bus, protocol2, registers, scan, survey,
 };
 pub use error::{JointSourceError, JointsConfigError, MAX_JOINTS};
 pub use feed::{JointCommand, JointFeed, JointsSnapshot};
 pub use reader::JointReader;
-pub use reading_thread::ReadingThreadError;
+pub use serial::{PortError, PortLatency, PortState, PortStatus, ReadingThreadError, StartError};
 pub use source::{CanJoints, JointCount, JointReadings, SourceConfig};
 pub use synchrony::{AngleAt, EXTRAPOLATE_NS, JointHistory, JointMotion};

@@ -2,8 +2,8 @@
 
 use crate::analogue::AnalogueReader;
 use crate::config::{JointSource, JointsConfig};
-use crate::dynamixel::{ServoReader, StartError};
-use crate::reading_thread::ReadingThreadError;
+use crate::dynamixel::ServoReader;
+use crate::serial::{ReadingThreadError, StartError};
 use crate::synchrony::JointHistory;
 use std::sync::Arc;
 

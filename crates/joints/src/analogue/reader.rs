@@ -2,9 +2,9 @@
 
 use super::config::{AnalogueConfig, READINGS_KEPT};
 use super::lines::{AnalogueCounters, AnalogueLines, HeardChannel, NoAngle};
-use crate::dynamixel::{Port, PortError, PortStatus, StartError};
-use crate::reading_thread::{ReadingThread, ReadingThreadError};
-use crate::shown::{history_since, lock};
+use crate::serial::{
+    Port, PortError, PortStatus, ReadingThread, ReadingThreadError, StartError, history_since, lock,
+};
 use crate::synchrony::JointHistory;
 use std::path::PathBuf;
 use std::sync::atomic::{AtomicBool, AtomicU64, Ordering};

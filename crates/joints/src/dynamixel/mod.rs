@@ -10,8 +10,4 @@ pub mod registers;
 mod serial;
 
 pub use config::{DynamixelConfig, FastSyncRead, ServoConfig};
-pub(crate) use serial::Port;
-pub use serial::{
-    BusSurvey, FoundServo, PortError, PortLatency, PortState, PortStatus, SerialBus, ServoReader,
-    ServoSnapshot, StartError, SurveyedServo, scan, survey,
-};
+pub use serial::{BusSurvey, FoundServo, SerialBus, ServoReader, ServoSnapshot, SurveyedServo, scan, survey};

@@ -1,8 +1,8 @@
 //! Which servos are on a bus.
 
-use super::port::{Port, PortError};
 use crate::dynamixel::bus::wire_ns;
 use crate::dynamixel::protocol2::{BROADCAST_ID, Encoder, Instruction, MAX_ID, Parser, StatusByte};
+use crate::serial::{Port, PortError};
 use std::path::Path;
 use std::time::Duration;
 use taxel_can::monotonic_ns;

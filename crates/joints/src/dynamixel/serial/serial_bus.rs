@@ -1,7 +1,7 @@
 //! A [`Bus`] on a serial port.
 
-use super::port::{Port, PortError, PortLatency};
 use crate::dynamixel::bus::{Bus, Step};
+use crate::serial::{Port, PortError, PortLatency};
 use std::path::Path;
 use std::time::Duration;
 use taxel_can::monotonic_ns;

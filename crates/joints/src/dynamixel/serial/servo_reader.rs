@@ -1,7 +1,5 @@
 //! The thread that reads servos, and what it shows.
 
-use super::port::PortError;
-use super::port_status::{PortState, PortStatus};
 use super::serial_bus::SerialBus;
 use crate::dynamixel::bus::{
     Bus, BusCounters, FastState, JointReading, MotorOff, NoReading, Outcomes, ServoState, WriteCommand,
@@ -9,15 +7,14 @@ use crate::dynamixel::bus::{
 };
 use crate::dynamixel::config::{DynamixelConfig, READINGS_KEPT};
 use crate::dynamixel::registers::HardwareError;
-use crate::error::JointsConfigError;
-use crate::reading_thread::{ReadingThread, ReadingThreadError};
-use crate::shown::{history_since, lock};
+use crate::serial::{
+    PortError, PortState, PortStatus, ReadingThread, ReadingThreadError, StartError, history_since, lock,
+};
 use crate::synchrony::{JointHistory, JointMotion};
 use nix::errno::Errno;
 use nix::sys::prctl;
 use nix::sys::time::TimeSpec;
 use nix::time::{ClockId, ClockNanosleepFlags, clock_nanosleep};
-use std::io;
 use std::path::PathBuf;
 use std::sync::atomic::{AtomicBool, AtomicU64, Ordering};
 use std::sync::{Arc, Mutex, MutexGuard};
@@ -47,17 +44,6 @@ pub struct ServoSnapshot {
     pub counters: BusCounters,
     /// Whether all servos answer in one packet.
     pub fast: FastState,
-}
-
-/// Why a reader could not be started.
-#[derive(Debug, thiserror::Error)]
-pub enum StartError {
-    /// The configuration makes no sense.
-    #[error(transparent)]
-    Config(#[from] JointsConfigError),
-    /// No thread.
-    #[error("cannot start the thread that reads joints: {0}")]
-    Thread(io::Error),
 }
 
 #[derive(Debug)]

@@ -1,9 +1,9 @@
 //! What every servo on a bus says of itself: pings and reads, nothing is written.
 
-use super::port::{Port, PortError, PortLatency};
 use crate::dynamixel::bus::{ServoIdentity, wire_ns};
 use crate::dynamixel::protocol2::{BROADCAST_ID, Encoder, Instruction, MAX_ID, Parser, StatusByte};
 use crate::dynamixel::registers::{HardwareError, address, volts};
+use crate::serial::{Port, PortError, PortLatency};
 use std::path::Path;
 use std::time::Duration;
 use taxel_can::monotonic_ns;

@@ -1,6 +1,7 @@
 //! A thread that reads a serial port until it is told to end.
 
-use crate::dynamixel::StartError;
+use crate::error::JointsConfigError;
+use std::io;
 use std::sync::atomic::{AtomicBool, Ordering};
 use std::sync::{Arc, OnceLock};
 use std::time::{Duration, Instant};
@@ -10,6 +11,17 @@ use std::time::{Duration, Instant};
 const PATIENCE: Duration = Duration::from_secs(3);
 /// How often a thread that ends is looked at.
 const LOOK: Duration = Duration::from_millis(1);
+
+/// Why a reader could not be started.
+#[derive(Debug, thiserror::Error)]
+pub enum StartError {
+    /// The configuration makes no sense.
+    #[error(transparent)]
+    Config(#[from] JointsConfigError),
+    /// No thread.
+    #[error("cannot start the thread that reads joints: {0}")]
+    Thread(io::Error),
+}
 
 /// How a thread that reads joints did not end as it should.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, thiserror::Error)]
