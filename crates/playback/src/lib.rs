@@ -17,31 +17,23 @@ macro_rules! say {
     ($($words:tt)*) => { $crate::remarks::say(format!($($words)*)) };
 }
 
-pub mod array_frames;
-mod bus_orders;
-pub mod calibrated;
-pub mod daemon_changes;
-mod fitted;
-mod frame_file;
-pub mod head;
-mod heard;
-pub mod image_line;
-pub mod image_output;
+mod buses;
+mod counts;
+mod interfaces;
 pub mod interrupt;
-pub mod log_interfaces;
-pub mod output_file;
-mod pass;
+mod mcap;
+mod output;
 pub mod pipeline;
-pub mod player;
 pub mod progress;
-pub mod raw_line;
-pub mod recorded;
-mod recorded_buses;
 pub mod remarks;
 pub mod scene_input;
 pub mod stand_in;
-pub mod sweep;
-pub mod target;
-pub mod traffic;
-pub mod traffic_output;
-mod whole_frames;
+
+use buses::{frame_file, pass, recorded_buses};
+pub use buses::{player, target, traffic, traffic_output};
+pub use counts::{array_frames, sweep};
+use counts::{fitted, whole_frames};
+pub use interfaces::log_interfaces;
+use interfaces::{bus_orders, heard};
+pub use mcap::{calibrated, daemon_changes, head, recorded};
+pub use output::{image_line, image_output, output_file, raw_line};
