@@ -15,25 +15,20 @@
 mod csv;
 mod csv_columns;
 mod error;
-mod frame_arrays;
-#[cfg(feature = "parquet")]
-mod frame_columns;
-mod frames;
 mod idle;
-mod images;
 mod kind;
 mod labelled;
 mod meaning;
-mod npy;
-mod npy_header;
-mod npz;
-mod npz_writer;
-mod number;
-mod number_array;
+mod numpy;
 mod open;
 mod recording;
-mod spool;
 mod table;
+mod writers;
+
+use numpy::{npy, npy_header, npz, npz_writer, number, number_array, spool};
+#[cfg(feature = "parquet")]
+use writers::frame_columns;
+use writers::{frame_arrays, frames, images};
 
 pub use error::RecordError;
 pub use frame_arrays::FrameArrays;
