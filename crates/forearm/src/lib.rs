@@ -7,26 +7,25 @@
 //! made, from 0 % (wrist) to 100 % (elbow), and how far that may be off; it takes as much of a squeeze as there is.
 
 mod disturbance;
-mod domain;
 mod error;
 mod estimate;
 mod fusion;
-mod glitch;
 mod kinesthetic;
 mod least_squares;
 mod left_out;
-mod likeness;
 mod mat;
 mod model;
 mod phase;
+mod plausibility;
 mod profile;
 mod protocol;
 mod regression;
 mod session;
 mod shape;
 mod squeeze;
-mod stillness;
 mod tactile;
+
+use plausibility::{domain, glitch, likeness, stillness};
 
 pub use disturbance::Disturbance;
 pub use error::ForearmError;
