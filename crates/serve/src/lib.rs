@@ -13,32 +13,22 @@
 //! and estimates.
 
 mod accept;
-mod active_profile;
 mod announcements;
 mod config;
-mod courier;
 mod delivery;
 mod farewell;
-mod feed;
 mod handle;
-mod lane;
 mod log_lines;
-mod message;
-mod output_slots;
-mod pace;
-mod packet;
-mod profile_maker;
 mod profiles;
 mod raw;
 mod registry;
-mod second_hand;
-mod sent;
 mod server;
-mod socket;
 mod socket_path;
-mod stream;
 mod subscriber;
 mod turns;
+
+use delivery::{courier, feed, lane, message, pace, packet, second_hand, sent, socket, stream};
+use profiles::{active_profile, output_slots, profile_maker};
 
 pub use announcements::Announcements;
 pub use config::{Limits, ProfilesConfig};

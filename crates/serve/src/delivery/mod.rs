@@ -1,5 +1,16 @@
 //! How messages get to a subscriber.
 
+pub(crate) mod courier;
+pub(crate) mod feed;
+pub(crate) mod lane;
+pub(crate) mod message;
+pub(crate) mod pace;
+pub(crate) mod packet;
+pub(crate) mod second_hand;
+pub(crate) mod sent;
+pub(crate) mod socket;
+pub(crate) mod stream;
+
 use crate::socket::Room;
 use taxel_wire::Subscribe;
 

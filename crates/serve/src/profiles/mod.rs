@@ -4,6 +4,10 @@
 //! Lives on the serving thread. A profile that several ask for is made once; the thread that has
 //! the frames knows nothing of who reads.
 
+pub(crate) mod active_profile;
+pub(crate) mod output_slots;
+pub(crate) mod profile_maker;
+
 use crate::active_profile::{ActiveProfile, Lease, ProfileRecord, Started, us};
 use crate::config::ProfilesConfig;
 use crate::log_lines::LogLines;
