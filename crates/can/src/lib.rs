@@ -1,7 +1,7 @@
 //! CAN frames and where they come from.
 //!
-//! One seam, [`CanSource`], and five sources behind it: SocketCAN, python-can's `udp_multicast`, a
-//! recording, memory, and the socket of a pressure array. A source knows nothing of boards; a decoder knows nothing of sockets.
+//! One seam, [`CanSource`], and four sources behind it: SocketCAN, python-can's `udp_multicast`, a
+//! recording, and the socket of a pressure array. A source knows nothing of boards; a decoder knows nothing of sockets.
 //! [`open`] makes a source of its [`SourceAddress`].
 
 mod address;
@@ -15,7 +15,6 @@ mod frame;
 mod kernel;
 mod log;
 mod log_clock;
-mod memory;
 mod merge;
 mod open;
 mod pressure;
@@ -33,7 +32,6 @@ pub use filter::IdFilter;
 pub use frame::{CanFrame, ERROR_FLAG, EXTENDED_FLAG, FrameError, id_text};
 pub use log::{LogSource, interfaces};
 pub use log_clock::{ClockJumps, LONGEST_PAUSE_NS, LogClock};
-pub use memory::{MemoryBus, MemorySource, memory_bus};
 pub use merge::FrameMerge;
 pub use open::{OpenError, SourceOptions, open};
 pub use pressure::{

@@ -5,7 +5,7 @@ use std::time::{Duration, Instant};
 use taxel_allocations::during;
 use taxel_can::{
     CanFrame, CanSource, FrameMerge, IdFilter, LogSource, OpenError, PressureSocket, Received, SocketCan,
-    SocketCanOptions, UdpMulticast, UdpOptions, memory_bus, monotonic_ns,
+    SocketCanOptions, UdpMulticast, UdpOptions, monotonic_ns,
 };
 
 #[global_allocator]
@@ -72,24 +72,6 @@ fn udp_multicast() {
     let mut batch = Vec::with_capacity(64);
     let count = allocations(|| exchange(&mut source, &mut peer, &mut batch));
     assert_eq!(count, 0);
-}
-
-#[test]
-fn memory() {
-    let (mut source, bus) = memory_bus(100).unwrap();
-    let mut batch = Vec::with_capacity(64);
-    let mut received = 0;
-    let count = allocations(|| {
-        for round in 0..100 {
-            for n in 0..80 {
-                bus.push(n, frame(n as u32));
-            }
-            received += drain(&mut source, 0, &mut batch);
-            source.send(&frame(round)).unwrap();
-            bus.take_sent().unwrap();
-        }
-    });
-    assert_eq!((received, count), (8000, 0));
 }
 
 #[test]
