@@ -1,5 +1,6 @@
 //! Which files a store makes and removes, whatever happens to it, to them and to others'.
 
+use std::ops::Range;
 use std::path::Path;
 use taxel_recorder::{
     Around, Attached, Entry, Item, Preamble, RecordingReader, Split, Store, Topic, text_message,
@@ -56,6 +57,15 @@ fn run(folder: &Path, most_files: usize, files: u64) {
         store.cut((20 * n + 10) * S).unwrap();
     }
     store.close().unwrap();
+}
+
+/// An event at each of these seconds, which says which.
+fn fill(store: &mut Store, seconds: Range<u64>) {
+    for second in seconds {
+        let event = entry(Topic::Events, second * S, &second.to_string());
+        store.take(event).unwrap();
+        store.cut(second * S).unwrap();
+    }
 }
 
 fn there(folder: &Path) -> Vec<String> {
@@ -230,12 +240,7 @@ fn a_trigger_before_which_nothing_came_makes_a_file_of_what_comes_behind_it() {
     assert!(!store.trigger(S).unwrap());
     store.cut(S).unwrap();
     assert!(there(folder.path()).is_empty() && !store.is_writing());
-    for second in 4..10 {
-        store
-            .take(entry(Topic::Events, second * S, &second.to_string()))
-            .unwrap();
-        store.cut(second * S).unwrap();
-    }
+    fill(&mut store, 4..10);
     store.close().unwrap();
     assert_eq!(there(folder.path()), ["slip-0001.mcap"]);
     assert_eq!(
@@ -292,16 +297,12 @@ fn each_file_has_the_times_of_the_clock_as_it_stood_when_it_was_begun() {
         }
         seconds
     };
-    let at = |store: &mut Store, second: u64| {
-        store.take(entry(Topic::Events, second * S, "")).unwrap();
-        store.cut(second * S).unwrap();
-    };
     store.set_clock(day_ns as i64);
     store.take(entry(Topic::Hello, 100 * S, "")).unwrap();
     // Set in the middle of a file: forward, and back to before the first.
     for (clock_ns, second) in [(2 * day_ns, 105), (2 * day_ns, 110), (0, 115), (0, 121), (0, 125)] {
         store.set_clock(clock_ns as i64);
-        at(&mut store, second);
+        fill(&mut store, second..second + 1);
     }
     store.close().unwrap();
     let day_s = day_ns / S;
@@ -398,12 +399,7 @@ fn what_is_around_a_trigger_goes_on_in_another_file_where_its_own_is_gone() {
     assert!(store.trigger(S).unwrap());
     store.cut(S).unwrap();
     std::fs::remove_file(folder.path().join("slip-0001.mcap")).unwrap();
-    for second in 2..9 {
-        store
-            .take(entry(Topic::Events, second * S, &second.to_string()))
-            .unwrap();
-        store.cut(second * S).unwrap();
-    }
+    fill(&mut store, 2..9);
     store.close().unwrap();
     assert_eq!(there(folder.path()), ["slip-0002.mcap"]);
     assert_eq!(
