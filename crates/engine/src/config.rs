@@ -44,7 +44,7 @@ pub struct EngineJoints {
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields, default)]
 pub struct TickConfig {
-    /// `timer`: at a fixed rate. `sweep`: as soon as every taxel of a sweep has arrived, or at its deadline.
+    /// What sets the pace.
     pub mode: TickMode,
     /// Images per second in `timer` mode, 1 to 1000 Hz.
     pub rate_hz: f64,
@@ -60,7 +60,7 @@ pub enum TickMode {
     /// At a fixed rate.
     #[default]
     Timer,
-    /// As soon as the sweep is complete, or at its deadline.
+    /// As soon as every taxel of a sweep has arrived, or at its deadline.
     Sweep,
 }
 
