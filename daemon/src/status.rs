@@ -178,7 +178,6 @@ impl State {
     }
 }
 
-/// The names of the kinds of problems of one bus, board or joint.
 fn taxel_status(layout: &Layout, taxel: usize, reasons: Vec<String>) -> TaxelStatus {
     TaxelStatus {
         taxel,
@@ -188,6 +187,7 @@ fn taxel_status(layout: &Layout, taxel: usize, reasons: Vec<String>) -> TaxelSta
     }
 }
 
+/// The names of the kinds of problems of one bus, board or joint.
 fn names(problems: &Problems, place: Place) -> Vec<String> {
     let kinds = problems.kinds(place).into_iter();
     kinds.map(|kind: Kind| kind.name().into()).collect()
