@@ -1,8 +1,8 @@
 //! Taxels that are out of use and were not before.
 
-use crate::clients::Lines;
 use std::time::Duration;
 use taxel_hand::{Fault, Faults};
+use taxel_serve::LogLines;
 use taxel_skin::Layout;
 use tokio::time::Instant;
 
@@ -18,7 +18,7 @@ const QUIET: Duration = Duration::from_secs(600);
 pub(crate) struct OutOfUse {
     /// Empty before the first look.
     taxels: Vec<Known>,
-    lines: Lines,
+    lines: LogLines,
     /// When something was last said of each module.
     told_at: Vec<Option<Instant>>,
 }

@@ -3,7 +3,6 @@
 //!
 //! The tick thread itself never logs, so that a slow terminal or journal cannot hold up an image.
 
-use crate::clients::Lines;
 use crate::out_of_use::OutOfUse;
 use crate::overruns::Overruns;
 use crate::snapshot::Snapshot;
@@ -16,6 +15,7 @@ use taxel_diagnose::{
     ANY_CHANGE_IS_CONTACT, BusView, Crowd, HandView, JointsReporter, JointsView, News, Severity,
 };
 use taxel_hand::Fault;
+use taxel_serve::LogLines;
 use taxel_skin::BoardState;
 use taxel_wire::{Event, EventKind};
 use tokio::time::{Instant, MissedTickBehavior, interval};
@@ -114,8 +114,8 @@ struct Told {
     out_of_use: OutOfUse,
     overruns: Overruns,
     /// That the baseline is measured, and that images are paused: anybody may ask for both as often as they like.
-    baselines: Lines,
-    pauses: Lines,
+    baselines: LogLines,
+    pauses: LogLines,
 }
 
 /// Says what is different between two looks at the hand.
@@ -204,7 +204,7 @@ fn report_out_of_use(state: &State, now: &Snapshot, out_of_use: &mut OutOfUse, a
     }
 }
 
-fn report_calibration(state: &State, before: &Snapshot, now: &Snapshot, lines: &mut Lines, at: Instant) {
+fn report_calibration(state: &State, before: &Snapshot, now: &Snapshot, lines: &mut LogLines, at: Instant) {
     if now.force.calibrating == before.force.calibrating {
         return;
     }
@@ -225,7 +225,7 @@ fn report_calibration(state: &State, before: &Snapshot, now: &Snapshot, lines: &
     state.server.announce(Event::new(kind, text));
 }
 
-fn report_pause(state: &State, before: &Snapshot, now: &Snapshot, lines: &mut Lines, at: Instant) {
+fn report_pause(state: &State, before: &Snapshot, now: &Snapshot, lines: &mut LogLines, at: Instant) {
     if now.paused == before.paused {
         return;
     }

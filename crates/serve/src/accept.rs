@@ -10,7 +10,7 @@ use std::rc::Rc;
 use std::sync::Arc;
 use std::time::Duration;
 use taxel_wire::{Event, EventKind};
-use tokio::time::{interval, timeout};
+use tokio::time::{Instant, interval, timeout};
 use tokio_seqpacket::UnixSeqpacketListener;
 
 /// Subscribers that are let in without a pause, and the pause: at most a thousand in a second, so that
@@ -67,8 +67,8 @@ async fn welcome<M: ProfileMaker>(socket: Socket, server: Rc<Server<M>>) {
         return;
     }
     registry.add(&entry);
-    if registry.visits.may_write() {
-        tracing::info!(pid = entry.pid, uid = entry.uid, "subscriber connected");
+    if let Some(unsaid) = registry.visits.borrow_mut().take_line(Instant::now()) {
+        tracing::info!(pid = entry.pid, uid = entry.uid, "subscriber connected{unsaid}");
     }
     let farewell = match Subscriber::new(socket, server.clone(), &entry) {
         Ok(mut subscriber) => {
@@ -84,13 +84,13 @@ async fn welcome<M: ProfileMaker>(socket: Socket, server: Rc<Server<M>>) {
         Err(error) => Farewell::Failed(error),
     };
     registry.remove(&entry);
-    if registry.visits.may_write() {
+    if let Some(unsaid) = registry.visits.borrow_mut().take_line(Instant::now()) {
         tracing::info!(
             pid = entry.pid,
             images = entry.images.sent(),
             skipped = entry.images.skipped(),
             paced = entry.images.paced(),
-            "subscriber gone: {farewell}"
+            "subscriber gone: {farewell}{unsaid}"
         );
     }
 }

@@ -13,6 +13,7 @@
 //! and estimates.
 
 mod accept;
+mod allowance;
 mod announcements;
 mod config;
 mod delivery;
@@ -30,9 +31,11 @@ mod turns;
 use delivery::{courier, feed, lane, message, pace, packet, second_hand, sent, socket, stream};
 use profiles::{active_profile, output_slots, profile_maker};
 
+pub use allowance::Allowance;
 pub use announcements::Announcements;
 pub use config::{Limits, ProfilesConfig};
 pub use handle::{Holder, Roster, ServerHandle};
+pub use log_lines::{LogLines, and_unsaid};
 pub use output_slots::OutputSlots;
 pub use profile_maker::{Cost, DisplayProfile, MadeOutput, Measurement, ProfileMaker};
 pub use server::{Server, ServerSeed};

@@ -28,11 +28,9 @@ pub(crate) struct Registry {
     pub(crate) images: Arc<Sent>,
     pub(crate) raw_frames: Arc<Sent>,
     /// Lines that tell who came and went.
-    pub(crate) visits: LogLines,
-    /// When the log was told last that one was turned away.
-    told_turned_away: Cell<Option<Instant>>,
-    /// How many were turned away since.
-    turned_away: Cell<u64>,
+    pub(crate) visits: RefCell<LogLines>,
+    /// Lines that tell that one was turned away.
+    turned_away: RefCell<LogLines>,
     /// When the last one was.
     turned_away_at: Cell<Option<Instant>>,
 }
@@ -125,9 +123,8 @@ impl Registry {
             stall: Duration::from_millis(limits.stall_ms.into()),
             images: Arc::default(),
             raw_frames: Arc::default(),
-            visits: LogLines::default(),
-            told_turned_away: Cell::default(),
-            turned_away: Cell::default(),
+            visits: RefCell::default(),
+            turned_away: RefCell::new(LogLines::new(1, TURNED_AWAY_PERIOD)),
             turned_away_at: Cell::default(),
         }
     }
@@ -161,24 +158,17 @@ impl Registry {
 
     /// Says in the log, now and then, that clients were turned away.
     pub(crate) fn report_turned_away(&self, pid: Option<i32>, farewell: &Farewell) {
-        self.turned_away_at.set(Some(Instant::now()));
-        let clients = self.turned_away.get() + 1;
-        let told = self.told_turned_away.get();
-        if told.is_some_and(|at| at.elapsed() < TURNED_AWAY_PERIOD) {
-            self.turned_away.set(clients);
-            return;
+        let now = Instant::now();
+        self.turned_away_at.set(Some(now));
+        if let Some(untold) = self.turned_away.borrow_mut().take(false, now.into()) {
+            tracing::warn!(pid, clients = untold + 1, "turned away: {farewell}");
         }
-        self.turned_away.set(0);
-        self.told_turned_away.set(Some(Instant::now()));
-        tracing::warn!(pid, clients, "turned away: {farewell}");
     }
 
     /// Tells the log what was not told line by line.
     pub(crate) fn tidy(&self) {
-        if let Some(lines) = self.visits.held_back() {
-            tracing::info!(
-                "subscribers came and went {lines} times more than this log tells in the last minute"
-            );
+        if let Some(lines) = self.visits.borrow_mut().take_unsaid(Instant::now().into()) {
+            tracing::info!("subscribers came and went {lines} times more than this log tells");
         }
     }
 

@@ -1,9 +1,9 @@
 //! Who asks, and the lines of the log that say so.
 
-use super::lines::Lines;
 use std::cell::RefCell;
 use std::collections::HashMap;
 use std::fmt;
+use taxel_serve::{LogLines, and_unsaid};
 use tokio::net::UnixStream;
 use tokio::time::Instant;
 
@@ -81,7 +81,7 @@ pub(crate) struct Change {
 /// of change, takes no line from another.
 #[derive(Debug, Default)]
 pub(crate) struct ChangeLog {
-    lines: RefCell<HashMap<(Option<u32>, Change), Lines>>,
+    lines: RefCell<HashMap<(Option<u32>, Change), LogLines>>,
     /// Whether a joint's motor was said to be on when something was said of it last.
     motors: RefCell<HashMap<String, bool>>,
 }
@@ -127,18 +127,13 @@ impl ChangeLog {
             all.retain(|_, lines| lines.has_left_out());
         }
         let lines = all.entry((asker.user.map(|(uid, _)| uid), change)).or_default();
-        Some(match lines.take(always, now)? {
-            0 => format!("{what}, by request of {asker}"),
-            unsaid => {
-                format!("{what}, by request of {asker}; {unsaid} such requests before it are not in the log")
-            }
-        })
+        let more = and_unsaid(lines.take(always, now)?, "requests");
+        Some(format!("{what}, by request of {asker}{more}"))
     }
 }
 
 #[cfg(test)]
 mod tests {
-    use super::super::lines::{LINE_INTERVAL, LINES};
     use super::*;
 
     const PAUSE: Change = Change {
@@ -166,9 +161,9 @@ mod tests {
         let (log, asker, now) = (ChangeLog::default(), user(1000), Instant::now());
         let line = |at| log.line(PAUSE, false, "paused", &asker, at);
         let said: Vec<String> = (0..100).filter_map(|_| line(now)).collect();
-        assert_eq!(said.len(), LINES as usize);
+        assert_eq!(said.len(), LogLines::BURST as usize);
         assert_eq!(said[0], "paused, by request of user 1000, process 42");
-        let later = line(now + LINE_INTERVAL).unwrap();
+        let later = line(now + LogLines::INTERVAL).unwrap();
         assert!(
             later.ends_with("; 70 such requests before it are not in the log"),
             "{later}"
@@ -179,7 +174,7 @@ mod tests {
     fn nobody_keeps_what_another_does_or_another_kind_of_change_out_of_the_log() {
         let (log, now) = (ChangeLog::default(), Instant::now());
         let flood = || (0..1000).filter_map(|_| log.line(MARK_REFUSED, false, "refused", &user(1000), now));
-        assert_eq!(flood().count(), LINES as usize);
+        assert_eq!(flood().count(), LogLines::BURST as usize);
         let refused = |kind| Change { kind, refused: true };
         for (change, uid) in [
             (PAUSE, 1000),

@@ -10,7 +10,7 @@
 
 mod request;
 
-use crate::clients::{Access, Allowance, Asker, Doing, Place, Places};
+use crate::clients::{Access, Asker, Doing, Place, Places};
 use crate::joints::{Deserted, Hold};
 use crate::state::State;
 use nix::poll::{PollFd, PollFlags, PollTimeout, poll};
@@ -21,6 +21,7 @@ use std::pin::pin;
 use std::rc::Rc;
 use std::time::Duration;
 use taxel_joints::MAX_JOINTS;
+use taxel_serve::Allowance;
 use tokio::io::{AsyncBufReadExt, AsyncReadExt, BufReader, Interest};
 use tokio::net::unix::{OwnedReadHalf, OwnedWriteHalf};
 use tokio::net::{UnixListener, UnixStream};

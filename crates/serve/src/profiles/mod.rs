@@ -39,7 +39,7 @@ pub(crate) struct Profiles<M: ProfileMaker> {
     admission: Arc<tokio::sync::Mutex<()>>,
     next_id: Cell<u32>,
     /// Lines that tell which came and went.
-    changes: LogLines,
+    changes: RefCell<LogLines>,
     max: usize,
     budget_ns: u64,
     percent: f64,
@@ -73,7 +73,7 @@ impl<M: ProfileMaker> Profiles<M> {
             own: watch::channel(own).0,
             admission: Arc::default(),
             next_id: Cell::new(1),
-            changes: LogLines::default(),
+            changes: RefCell::default(),
             max: config.max.into(),
             budget_ns,
             percent: config.budget_percent,
@@ -149,11 +149,11 @@ impl<M: ProfileMaker> Profiles<M> {
             start(&self.maker, &self.slots, &wanted, reserved)?.ok_or("this program makes no images")?;
         let active = Rc::new(started.activate(&self.maker, wanted, id));
         self.next_id.set(id.wrapping_add(1));
-        if self.changes.may_write() {
+        if let Some(unsaid) = self.changes.borrow_mut().take_line(Instant::now().into()) {
             tracing::info!(
                 profile = id,
                 reserved_us = us(reserved.reserved_ns()),
-                "another display profile: {}",
+                "another display profile: {}{unsaid}",
                 serde_json::json!(active.wanted.profile)
             );
         }
@@ -176,10 +176,8 @@ impl<M: ProfileMaker> Profiles<M> {
         for idle in self.idle(GRACE) {
             self.remove(&idle);
         }
-        if let Some(lines) = self.changes.held_back() {
-            tracing::info!(
-                "display profiles came and went {lines} times more than this log tells in the last minute"
-            );
+        if let Some(lines) = self.changes.borrow_mut().take_unsaid(Instant::now().into()) {
+            tracing::info!("display profiles came and went {lines} times more than this log tells");
         }
     }
 
@@ -288,8 +286,8 @@ impl<M: ProfileMaker> Profiles<M> {
     fn remove(&self, active: &Rc<ActiveProfile>) {
         // Kept where the table cannot be changed now; `tidy` tries again.
         if active.slot.is_none_or(|slot| self.slots.remove(slot).is_ok()) {
-            if self.changes.may_write() {
-                tracing::info!(profile = active.id, "display profile no longer needed");
+            if let Some(unsaid) = self.changes.borrow_mut().take_line(Instant::now().into()) {
+                tracing::info!(profile = active.id, "display profile no longer needed{unsaid}");
             }
             self.active
                 .borrow_mut()

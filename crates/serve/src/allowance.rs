@@ -5,7 +5,7 @@ use tokio::time::Instant;
 
 /// So many times at once, and once per interval in the long run.
 #[derive(Debug)]
-pub(crate) struct Allowance {
+pub struct Allowance {
     burst: Duration,
     interval: Duration,
     /// When what was taken so far would be over, taken evenly; none before the first.
@@ -13,7 +13,8 @@ pub(crate) struct Allowance {
 }
 
 impl Allowance {
-    pub(crate) fn new(burst: u32, interval: Duration) -> Self {
+    /// So many at once, and one per `interval`.
+    pub fn new(burst: u32, interval: Duration) -> Self {
         Self {
             burst: interval * burst.saturating_sub(1),
             interval,
@@ -22,14 +23,14 @@ impl Allowance {
     }
 
     /// Takes one, and says how long to wait for it.
-    pub(crate) fn take(&mut self, now: Instant) -> Duration {
+    pub fn take(&mut self, now: Instant) -> Duration {
         let due = self.due.map_or(now, |due| due.max(now));
         self.due = Some(due + self.interval);
         due.duration_since(now).saturating_sub(self.burst)
     }
 
     /// Takes one where it need not be waited for; says whether.
-    pub(crate) fn take_now(&mut self, now: Instant) -> bool {
+    pub fn take_now(&mut self, now: Instant) -> bool {
         let is_there = self.due.is_none_or(|due| due.duration_since(now) <= self.burst);
         if is_there {
             self.take(now);
