@@ -103,99 +103,61 @@ pub(crate) struct TickThread {
     pub(crate) gather: Gather,
 }
 
+/// What a round of the thread leaves to the next.
+struct Rounds {
+    /// Frames that were received, until they are handled.
+    merge: FrameMerge,
+    /// Ticks that were given up.
+    overruns: u64,
+    /// The newest tick that images were made of.
+    images: u64,
+    /// Until when the buses are left alone.
+    quiet_until_ns: u64,
+    /// When the snapshot is written next.
+    snapshot_due_ns: u64,
+}
+
 impl TickThread {
     /// Runs until asked to stop, or until every recording has ended. Boards that were started are stopped.
     pub(crate) fn run(mut self) {
         // The kernel may otherwise round every wake-up up by 50 microseconds.
         let _ = nix::sys::prctl::set_timerslack(1);
-        let mut merge = FrameMerge::new(self.sources.len(), BATCH, self.clock.live);
-        let (mut overruns, mut images) = (0, 0);
-        let mut quiet_until_ns = 0;
-        let mut snapshot_due_ns = 0;
+        let mut rounds = Rounds {
+            merge: FrameMerge::new(self.sources.len(), BATCH, self.clock.live),
+            overruns: 0,
+            images: 0,
+            quiet_until_ns: 0,
+            snapshot_due_ns: 0,
+        };
 
         while !self.shared.stop.load(Ordering::Relaxed) {
             self.shared.heartbeat.fetch_add(1, Ordering::Relaxed);
-            if merge.is_empty() {
-                self.wait(quiet_until_ns);
+            if rounds.merge.is_empty() {
+                self.wait(rounds.quiet_until_ns);
             }
             self.handle_commands();
 
             let now_ns = self.clock.now_ns();
-            let mut drained = false;
-            if now_ns >= quiet_until_ns || self.engine.output_due_ns().is_some_and(|due| due <= now_ns) {
-                for (bus, source) in self.sources.iter_mut().enumerate() {
-                    merge.fill(bus, now_ns, |batch| source.receive(now_ns, batch));
-                }
-                drained = true;
-            }
-            let more = merge.has_more();
+            let drained = self.drain(&mut rounds, now_ns);
+            let more = rounds.merge.has_more();
             let ended = self.sources.iter().all(|s| s.is_finished());
-            let finished = ended && !more;
-
             if self.clock.live {
-                overruns += self.engine.skip_overdue(now_ns);
+                rounds.overruns += self.engine.skip_overdue(now_ns);
             }
-            let Self {
-                engine,
-                outputs,
-                clock,
-                shared,
-                joint_reader,
-                joints_seen,
-                ..
-            } = &mut self;
-            if let Some(reader) = joint_reader {
-                for (source, seen) in joints_seen.iter_mut().enumerate() {
-                    engine.handle_joints(source, |history| {
-                        *seen = reader.try_history_since(source, *seen, history);
-                    });
-                }
-            }
-            let mut emit = |frames: &Frames| {
-                let late_ns = clock.now_ns().saturating_sub(frames.due_ns);
-                let now = Instant::now();
-                let due = now.checked_sub(Duration::from_nanos(late_ns)).unwrap_or(now);
-                images = frames.tick();
-                outputs.publish(images, due, frames);
-                record_times(shared, frames, clock.now_ns());
-            };
-            // What another bus has told beyond that waits: frames are given in the order of their
-            // stamps however late they are taken.
-            while let Some((bus, received)) = merge.pop() {
-                engine.handle_frame(bus, &received);
-                engine.drain(&mut emit);
-            }
-            // A recording ends with its last frame, so that it gives the same images however late
-            // its end is seen. Where a bus has more than could be taken, ticks are made up to what
-            // all buses have told: one that is flooded must not hold them up.
-            let end_ns = match ended {
-                true => merge.newest_ns().unwrap_or(0),
-                false => now_ns,
-            };
-            let told_ns = match more {
-                true => merge.horizon_ns().saturating_sub(1),
-                false => u64::MAX,
-            };
-            engine.handle_time(end_ns.min(told_ns));
-            engine.drain(&mut emit);
-
+            self.take_joints();
+            self.make_images(&mut rounds, now_ns, ended, more);
             if drained {
-                let frames = merge.taken().take(self.engine.skin_buses()).sum();
-                let ended_ns = self.engine.frames().tactile.t_ns;
-                let pause_ns = self
-                    .gather
-                    .pause_ns(now_ns, frames, self.engine.sweep().awaited(), ended_ns);
-                quiet_until_ns = if more { 0 } else { now_ns + pause_ns };
+                self.leave_buses_alone(&mut rounds, now_ns, more);
             }
 
             self.send_commands(now_ns);
-            if now_ns >= snapshot_due_ns {
-                snapshot_due_ns = now_ns + HEARTBEAT_NS / 2;
-                self.update_snapshot(now_ns, overruns, images);
+            if now_ns >= rounds.snapshot_due_ns {
+                rounds.snapshot_due_ns = now_ns + HEARTBEAT_NS / 2;
+                self.update_snapshot(now_ns, &rounds);
             }
-            if finished {
+            if ended && !more {
                 // The last one has all that the recordings held.
-                if self.update_snapshot(now_ns, overruns, images) {
+                if self.update_snapshot(now_ns, &rounds) {
                     self.shared.finished.store(true, Ordering::Release);
                     break;
                 }
@@ -204,6 +166,73 @@ impl TickThread {
             }
         }
         self.stop_hand();
+    }
+
+    /// Takes what the buses have, unless they are left alone and no tick is due; says whether it did.
+    fn drain(&mut self, rounds: &mut Rounds, now_ns: u64) -> bool {
+        let is_quiet = now_ns < rounds.quiet_until_ns;
+        if is_quiet && self.engine.output_due_ns().is_none_or(|due| due > now_ns) {
+            return false;
+        }
+        let merge = &mut rounds.merge;
+        for (bus, source) in self.sources.iter_mut().enumerate() {
+            merge.fill(bus, now_ns, |batch| source.receive(now_ns, batch));
+        }
+        true
+    }
+
+    /// Takes the joints' readings since those that were taken last.
+    fn take_joints(&mut self) {
+        let Some(reader) = &mut self.joint_reader else {
+            return;
+        };
+        for (source, seen) in self.joints_seen.iter_mut().enumerate() {
+            self.engine.handle_joints(source, |history| {
+                *seen = reader.try_history_since(source, *seen, history);
+            });
+        }
+    }
+
+    /// Handles the frames that were taken, and the time, and hands over the images of the ticks that this makes. `ended`
+    /// says that every recording has, `more` that a bus has more than could be taken.
+    fn make_images(&mut self, rounds: &mut Rounds, now_ns: u64, ended: bool, more: bool) {
+        let Rounds { merge, images, .. } = rounds;
+        let mut emit = |frames: &Frames| {
+            let late_ns = self.clock.now_ns().saturating_sub(frames.due_ns);
+            let now = Instant::now();
+            let due = now.checked_sub(Duration::from_nanos(late_ns)).unwrap_or(now);
+            *images = frames.tick();
+            self.outputs.publish(*images, due, frames);
+            record_times(&self.shared, frames, self.clock.now_ns());
+        };
+        // What another bus has told beyond that waits: frames are given in the order of their
+        // stamps however late they are taken.
+        while let Some((bus, received)) = merge.pop() {
+            self.engine.handle_frame(bus, &received);
+            self.engine.drain(&mut emit);
+        }
+        // A recording ends with its last frame, so that it gives the same images however late
+        // its end is seen. Where a bus has more than could be taken, ticks are made up to what
+        // all buses have told: one that is flooded must not hold them up.
+        let end_ns = match ended {
+            true => merge.newest_ns().unwrap_or(0),
+            false => now_ns,
+        };
+        let told_ns = match more {
+            true => merge.horizon_ns().saturating_sub(1),
+            false => u64::MAX,
+        };
+        self.engine.handle_time(end_ns.min(told_ns));
+        self.engine.drain(&mut emit);
+    }
+
+    /// Sets how long the buses, which were drained, are left alone.
+    fn leave_buses_alone(&mut self, rounds: &mut Rounds, now_ns: u64, more: bool) {
+        let frames = rounds.merge.taken().take(self.engine.skin_buses()).sum();
+        let ended_ns = self.engine.frames().tactile.t_ns;
+        let awaited = self.engine.sweep().awaited();
+        let pause_ns = self.gather.pause_ns(now_ns, frames, awaited, ended_ns);
+        rounds.quiet_until_ns = if more { 0 } else { now_ns + pause_ns };
     }
 
     /// Waits for the next thing to do: a frame, a tick, a command to a board, or another thread.
@@ -293,15 +322,15 @@ impl TickThread {
     }
 
     /// Tells the other threads how the hand is; false where one of them reads what was told before.
-    fn update_snapshot(&self, now_ns: u64, overruns: u64, images: u64) -> bool {
+    fn update_snapshot(&self, now_ns: u64, rounds: &Rounds) -> bool {
         let Ok(mut snapshot) = self.shared.snapshot.try_lock() else {
             return false;
         };
         let engine = &self.engine;
         snapshot.written = true;
         snapshot.now_ns = now_ns;
-        snapshot.overruns = overruns;
-        snapshot.images = images;
+        snapshot.overruns = rounds.overruns;
+        snapshot.images = rounds.images;
         snapshot.unpublished = self.outputs.unpublished();
         for ((bus, source), decoder) in snapshot
             .buses
