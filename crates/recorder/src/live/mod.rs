@@ -7,38 +7,32 @@
 mod can;
 mod daemon;
 mod wall;
+mod write;
 
 use self::can::{Buses, read_can};
 use self::daemon::read_daemon;
 use self::wall::Wall;
+use self::write::Writer;
 use crate::gone::Gone;
 use crate::schema::Topic;
-use crate::standard::{clock_message, event_message};
 use crate::store::{Around, Split, Store, Written};
 use crate::store_error::StoreError;
 use crate::writer::{Entry, Preamble};
 use std::io;
 use std::path::PathBuf;
 use std::sync::atomic::{AtomicBool, AtomicI64, AtomicU64, Ordering};
-use std::sync::mpsc::{Receiver, SyncSender, TrySendError, sync_channel};
+use std::sync::mpsc::{SyncSender, TrySendError, sync_channel};
 use std::sync::{Mutex, PoisonError};
-use std::thread;
-use std::time::{Duration, Instant};
-use taxel_can::{OpenError, SourceAddress, both_clocks_ns, monotonic_ns};
+use std::thread::{self, Scope};
+use std::time::Duration;
+use taxel_can::{OpenError, SourceAddress};
 use taxel_wire::Hello;
 use taxel_wire::status::ProblemStatus;
 
-/// Between two cuts. With the time that a disk takes, a crash costs less than a second.
-const CUT: Duration = Duration::from_millis(500);
-/// Between two notes of both clocks.
-const CLOCK: Duration = Duration::from_secs(1);
 /// Messages that wait for a disk: some eight seconds of a hand at 100 Hz.
 const QUEUE: usize = 4096;
 /// How often to look whether it is over.
 const LOOK: Duration = Duration::from_millis(100);
-/// How long messages are left to gather before they are written. To wake up for each of a few hundred a second costs more
-/// than what is done with them.
-const WRITE_PAUSE: Duration = Duration::from_millis(50);
 
 /// A bus to be recorded.
 #[derive(Debug, Clone, PartialEq, Eq)]
@@ -262,32 +256,22 @@ pub fn record(plan: &Plan, signals: &Signals<'_>) -> Result<Finished, LiveError>
     let (sync_failed, sync_failure) = sync_channel::<LiveError>(1);
     let outcome = thread::scope(|scope| {
         let (shared, store) = (&shared, &mut store);
-        let spawn = |name: &str| thread::Builder::new().name(name.into());
         let run = || -> Result<(), LiveError> {
             let to_write = queue.clone();
-            let read = move || read_can(buses, &to_write, shared);
-            spawn("can")
-                .spawn_scoped(scope, read)
-                .map_err(LiveError::Thread)?;
+            start(scope, "can", move || read_can(buses, &to_write, shared))?;
             if let Some(socket) = &plan.socket {
                 let queue = queue.clone();
-                let read = move || read_daemon(socket, plan, &queue, shared);
-                spawn("daemon")
-                    .spawn_scoped(scope, read)
-                    .map_err(LiveError::Thread)?;
+                start(scope, "daemon", move || read_daemon(socket, plan, &queue, shared))?;
             }
-            let sync_all = move || {
+            start(scope, "disk", move || {
                 while let Ok(written) = syncing.recv() {
                     if let Err(error) = sync(written) {
                         let _ = sync_failed.try_send(error);
                     }
                 }
-            };
-            spawn("disk")
-                .spawn_scoped(scope, sync_all)
-                .map_err(LiveError::Thread)?;
+            })?;
             drop(queue);
-            let written = write(plan, store, &messages, &to_sync, &sync_failure, shared);
+            let written = Writer::new(plan, store, shared).write(&messages, &to_sync, &sync_failure);
             shared.ended.store(true, Ordering::Relaxed);
             written?;
             // What the readers had in hand when they were told.
@@ -315,142 +299,41 @@ pub fn record(plan: &Plan, signals: &Signals<'_>) -> Result<Finished, LiveError>
         Ok(())
     });
     let failure = outcome.and(closed.map_err(LiveError::from)).and(synced).err();
+    Ok(finished(&store, shared, failure))
+}
+
+/// Starts a thread of a recording.
+fn start<'scope>(
+    scope: &'scope Scope<'scope, '_>,
+    name: &str,
+    run: impl FnOnce() + Send + 'scope,
+) -> Result<(), LiveError> {
+    let thread = thread::Builder::new().name(name.into());
+    let started = thread.spawn_scoped(scope, run);
+    started.map(drop).map_err(LiveError::Thread)
+}
+
+/// What became of a recording whose threads have ended.
+fn finished(store: &Store, shared: Shared<'_>, failure: Option<LiveError>) -> Finished {
     let count = |count: &AtomicU64| count.load(Ordering::Relaxed);
-    Ok(Finished {
+    Finished {
         files: store.files().map(PathBuf::from).collect(),
         gone: store.gone().to_vec(),
         removed: store.removed(),
-        can: shared.can.into_inner().unwrap_or_else(PoisonError::into_inner),
         can_lost: count(&shared.can_lost),
         is_described: shared.is_described.load(Ordering::Relaxed),
         images: count(&shared.images),
         skipped: count(&shared.skipped),
         dropped: count(&shared.dropped),
         messages: store.messages(),
-        problems: shared
-            .problems
-            .into_inner()
-            .unwrap_or_else(PoisonError::into_inner),
+        can: shared.can.into_inner().unwrap_or_else(PoisonError::into_inner),
+        problems: (shared.problems.into_inner()).unwrap_or_else(PoisonError::into_inner),
         failure,
-    })
+    }
 }
 
 /// Waits until the disk has a file.
 fn sync(Written { path, file }: Written) -> Result<(), LiveError> {
     file.sync_data()
         .map_err(|source| LiveError::Sync { path, source })
-}
-
-/// Writes what the readers hand over.
-fn write(
-    plan: &Plan,
-    store: &mut Store,
-    messages: &Receiver<Message>,
-    to_sync: &SyncSender<Written>,
-    sync_failure: &Receiver<LiveError>,
-    shared: &Shared<'_>,
-) -> Result<(), LiveError> {
-    let began = Instant::now();
-    let (mut cut, mut noted, mut looked) = (began, None::<Instant>, began);
-    let (mut told_dropped, mut told_gone, mut clock_moved_ns) = (0, 0, 0);
-    loop {
-        thread::sleep(WRITE_PAUSE);
-        // No more than there is room for: who reads more than can be written must not keep it from being cut.
-        for message in messages.try_iter().take(QUEUE) {
-            match message {
-                Message::Entry(entry) => store.take(entry)?,
-                Message::Note(entry) => store.note(entry)?,
-                Message::Trigger { wall_ns, why } => trigger(store, wall_ns, &why, shared)?,
-                Message::Another(preamble) => {
-                    if store.begin_another(preamble)? {
-                        let text = "the daemon runs with another configuration, or reads other buses, than before; the \
-                                    recording goes on in another file";
-                        say(store, text, shared.wall.at(monotonic_ns()), shared)?;
-                    }
-                }
-            }
-        }
-        let now = Instant::now();
-        let wall_ns = shared.wall.at(monotonic_ns());
-        if now - looked >= LOOK {
-            looked = now;
-            if (shared.signals.trigger)() {
-                trigger(store, wall_ns, "asked by signal", shared)?;
-            }
-            if (shared.signals.stop)() || plan.duration.is_some_and(|duration| now - began >= duration) {
-                return Ok(());
-            }
-            if let Ok(error) = sync_failure.try_recv() {
-                return Err(error);
-            }
-        }
-        if let Some(moved_ns) = shared.wall.moved_ns(clock_moved_ns) {
-            store.set_clock(moved_ns);
-            if store.is_writing() {
-                let by_s = (moved_ns - clock_moved_ns) as f64 / 1e9;
-                let text = format!(
-                    "the wall clock was set by {by_s:+.1} s: times in this file go on as before, as /taxel/clock shows, and \
-                     the next file is by the new one"
-                );
-                say(store, &text, wall_ns, shared)?;
-            }
-            clock_moved_ns = moved_ns;
-        }
-        if noted.is_none_or(|noted| now - noted >= CLOCK) {
-            noted = Some(now);
-            let (realtime_ns, monotonic_ns) = both_clocks_ns();
-            let data = clock_message(monotonic_ns, realtime_ns);
-            store.note(Entry {
-                topic: Topic::Clock,
-                wall_ns,
-                data,
-            })?;
-            let dropped = shared.dropped.load(Ordering::Relaxed);
-            if dropped > told_dropped {
-                let text = format!(
-                    "{} messages were dropped: the disk is too slow",
-                    dropped - told_dropped
-                );
-                told_dropped = dropped;
-                say(store, &text, wall_ns, shared)?;
-            }
-        }
-        if now - cut >= CUT {
-            cut = now;
-            store.cut(wall_ns)?;
-            store.hand_out(|written| match to_sync.try_send(written) {
-                // The disk is busy with those before.
-                Err(TrySendError::Full(written)) => Err(written),
-                Ok(()) | Err(TrySendError::Disconnected(_)) => Ok(()),
-            });
-            if let Some(gone) = store.gone().get(told_gone) {
-                told_gone += 1;
-                let text = format!("{gone}; the recording goes on in another file");
-                say(store, &text, wall_ns, shared)?;
-            }
-        }
-        shared
-            .clock_of_file_ns
-            .store(store.clock_of_file(), Ordering::Relaxed);
-    }
-}
-
-/// Says something about the recording, there and to people.
-fn say(store: &mut Store, text: &str, wall_ns: u64, shared: &Shared<'_>) -> Result<(), StoreError> {
-    (shared.signals.say)(text);
-    store.note(Entry {
-        topic: Topic::Events,
-        wall_ns,
-        data: event_message("recorder", text, shared.stamp_ns(wall_ns)),
-    })
-}
-
-fn trigger(store: &mut Store, wall_ns: u64, why: &str, shared: &Shared<'_>) -> Result<(), LiveError> {
-    let has_begun = store.trigger(wall_ns)?;
-    if let Some(file) = store.files().last().filter(|_| has_begun) {
-        (shared.signals.say)(&format!("{}: {why}", file.display()));
-    } else if !store.is_writing() {
-        (shared.signals.say)(&format!("{why}: nothing came before it that could be kept"));
-    }
-    Ok(())
 }
