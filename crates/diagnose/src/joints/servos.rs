@@ -4,6 +4,7 @@ use super::servo_state::{motor_lost, motor_not_off, servo_state};
 use super::{Judge, Patience, of_joints, port as of_port};
 use crate::kind::Kind;
 use crate::problem::{Place, Problem};
+use std::ops::ControlFlow;
 use taxel_joints::bus::{ServoCounters, ServoState};
 use taxel_joints::protocol2::StatusError;
 use taxel_joints::{DynamixelConfig, PortState, PortStatus, ServoConfig, ServoSnapshot};
@@ -54,39 +55,71 @@ impl Judge<'_> {
         patience: &mut Patience,
         found: &mut Vec<Problem>,
     ) {
-        let now_ns = self.view.now_ns;
         // That nobody can ask them any more puts none of it right.
         for (joint, servo) in snapshot.servos.iter().enumerate() {
             self.known_of(joint, &name_of(config, joint), servo, found);
         }
-        if port.abandoned {
-            patience.all_explained();
-            found.push(of_port::abandoned(port));
+        if let ControlFlow::Break(problem) = self.port_alone(config, snapshot, port, patience) {
+            found.extend(problem);
             return;
         }
+        found.extend(adapter_of(port));
+        let shared = of_port::shared(port, self.view.now_ns);
+        let first = found.len();
+        self.of_answers(config, snapshot, port, unknown, patience, found);
+        if let Some(shared) = shared {
+            // It explains whatever is missing or in pieces.
+            patience.all_explained();
+            let of_servos = found.split_off(first);
+            found.extend(of_servos.into_iter().filter(|p| !is_of_answers(p.kind)));
+            found.push(shared);
+        }
+    }
+
+    /// Breaks where the port is in a state in which nothing is to be said of the servos' answers, with what is wrong with it.
+    fn port_alone(
+        &self,
+        config: &DynamixelConfig,
+        snapshot: &ServoSnapshot,
+        port: &PortStatus,
+        patience: &mut Patience,
+    ) -> ControlFlow<Option<Problem>> {
+        let now_ns = self.view.now_ns;
+        if port.abandoned {
+            patience.all_explained();
+            return ControlFlow::Break(Some(of_port::abandoned(port)));
+        }
         match &port.state {
-            PortState::Starting => return,
+            PortState::Starting => return ControlFlow::Break(None),
             PortState::Away { reason, .. } => {
                 patience.away();
-                found.push(of_port::absent(port, reason));
-                return;
+                return ControlFlow::Break(Some(of_port::absent(port, reason)));
             }
             PortState::Open => patience.begin(port.opened, snapshot.servos.len(), now_ns),
         }
         let without_cycle_ns = patience.without_cycle_ns(snapshot.counters.cycles, now_ns);
         if let Some(stuck) = of_port::stuck(config, port, without_cycle_ns) {
             patience.all_explained();
-            found.push(stuck);
-            return;
+            return ControlFlow::Break(Some(stuck));
         }
-        found.extend(adapter_of(port));
-        let shared = of_port::shared(port, now_ns);
-        let first = found.len();
+        ControlFlow::Continue(())
+    }
+
+    /// What is wrong with the servos' answers where they are asked: of all, of most, and of each.
+    fn of_answers(
+        &self,
+        config: &DynamixelConfig,
+        snapshot: &ServoSnapshot,
+        port: &PortStatus,
+        unknown: &[bool],
+        patience: &mut Patience,
+        found: &mut Vec<Problem>,
+    ) {
+        let now_ns = self.view.now_ns;
         let late_fast = snapshot.counters.late_fast.saturating_sub(self.before.late_fast);
         let silent: Vec<bool> = (snapshot.servos.iter().enumerate())
             .map(|(joint, servo)| patience.is_silent(joint, servo.alive, now_ns))
             .collect();
-        let mut own: Vec<Problem> = Vec::new();
         let all = silent.len() > 1 && silent.iter().all(|silent| *silent);
         if all {
             found.push(missing_servos(&self.config.source.to_string(), config.baud));
@@ -95,6 +128,7 @@ impl Judge<'_> {
         let answers: Vec<Answers> = (snapshot.servos.iter().enumerate())
             .map(|(joint, servo)| self.answers(joint, servo))
             .collect();
+        let mut own: Vec<Problem> = Vec::new();
         for (joint, servo) in snapshot.servos.iter().enumerate() {
             let name = name_of(config, joint);
             let quiet = Quiet {
@@ -110,47 +144,30 @@ impl Judge<'_> {
                 patience.explained(joint);
             }
         }
-        let most = |kind: Kind, least: u64, count: fn(&Answers) -> u64| {
-            // One of a servo is enough to keep up what there is of most, and none too many for one of its own.
-            let kept_up = (self.had)(kind, Place::Joints).is_some();
-            let is_of_kind = |(joint, answers): &(usize, &Answers)| {
-                let come = self.least(kind, Place::Joint(*joint), answers.many(least));
-                count(answers) >= if kept_up { 1 } else { come }
-            };
-            let of_kind = answers.iter().enumerate().filter(is_of_kind).count();
-            answers.len() > 2 && 2 * of_kind > answers.len()
-        };
-        if most(Kind::ServoDamaged, DAMAGED, |a| a.damaged) {
+        if self.are_most(Kind::ServoDamaged, DAMAGED, &answers, |a| a.damaged) {
             own.retain(|p| p.kind != Kind::ServoDamaged);
-            found.push(of_joints(
-                Kind::ServoDamaged,
-                Place::Joints,
-                "the answers of most servos come damaged (CRC)".into(),
-                "look at the cable to the first servo, termination (RS-485), a cable beside motor wires, and at the baud rate",
-                "the servos' answers are whole".into(),
-            ));
+            found.push(most_damaged());
         }
-        let all_late = most(Kind::ServoLate, LATE, |a| a.late);
-        if all_late {
+        let are_late = self.are_most(Kind::ServoLate, LATE, &answers, |a| a.late);
+        if are_late {
             own.retain(|p| p.kind != Kind::ServoLate);
         }
         found.append(&mut own);
-        if all_late || late_fast >= self.least(Kind::ServoLate, Place::Joints, LATE) {
-            found.push(of_joints(
-                Kind::ServoLate,
-                Place::Joints,
-                "answers of most servos come after their deadline, into the next request".into(),
-                late_advice(port, &ServoState::default()),
-                "the servos answer in time".into(),
-            ));
+        if are_late || late_fast >= self.least(Kind::ServoLate, Place::Joints, LATE) {
+            found.push(most_late(port));
         }
-        if let Some(shared) = shared {
-            // It explains whatever is missing or in pieces.
-            patience.all_explained();
-            let of_servos = found.split_off(first);
-            found.extend(of_servos.into_iter().filter(|p| !is_of_answers(p.kind)));
-            found.push(shared);
-        }
+    }
+
+    /// Whether so many answers of more than half of the servos are of this kind that it is told of all of them at once.
+    fn are_most(&self, kind: Kind, least: u64, answers: &[Answers], count: fn(&Answers) -> u64) -> bool {
+        // One of a servo is enough to keep up what there is of most, and none too many for one of its own.
+        let kept_up = (self.had)(kind, Place::Joints).is_some();
+        let is_of_kind = |(joint, answers): &(usize, &Answers)| {
+            let come = self.least(kind, Place::Joint(*joint), answers.many(least));
+            count(answers) >= if kept_up { 1 } else { come }
+        };
+        let of_kind = answers.iter().enumerate().filter(is_of_kind).count();
+        answers.len() > 2 && 2 * of_kind > answers.len()
     }
 
     fn answers(&self, joint: usize, servo: &ServoState) -> Answers {
@@ -312,6 +329,26 @@ fn refusing_servo(
         format!("servo {name} answers and refuses to be read (refused: {refused} in {seconds:.1} s){why}"),
         advice,
         format!("servo {name} is read again"),
+    )
+}
+
+fn most_damaged() -> Problem {
+    of_joints(
+        Kind::ServoDamaged,
+        Place::Joints,
+        "the answers of most servos come damaged (CRC)".into(),
+        "look at the cable to the first servo, termination (RS-485), a cable beside motor wires, and at the baud rate",
+        "the servos' answers are whole".into(),
+    )
+}
+
+fn most_late(port: &PortStatus) -> Problem {
+    of_joints(
+        Kind::ServoLate,
+        Place::Joints,
+        "answers of most servos come after their deadline, into the next request".into(),
+        late_advice(port, &ServoState::default()),
+        "the servos answer in time".into(),
     )
 }
 
