@@ -17,6 +17,13 @@ const DAMAGED: u64 = 3;
 const DOUBLE: u64 = 2;
 const REFUSED: u64 = 3;
 const SHARE: u64 = 5;
+/// What is wrong with answers that come.
+const OF_ANSWERS_THAT_COME: [Kind; 4] = [
+    Kind::ServoLate,
+    Kind::ServoDamaged,
+    Kind::TwoServos,
+    Kind::ServoRefuses,
+];
 
 /// How quiet a servo is.
 struct Quiet {
@@ -36,6 +43,8 @@ struct Answers {
     /// Two servos answer.
     two: bool,
     all: u64,
+    /// None came, not one that nobody can read: what was wrong with them is not over.
+    none: bool,
 }
 
 impl Answers {
@@ -164,7 +173,7 @@ impl Judge<'_> {
         let kept_up = (self.had)(kind, Place::Joints).is_some();
         let is_of_kind = |(joint, answers): &(usize, &Answers)| {
             let come = self.least(kind, Place::Joint(*joint), answers.many(least));
-            count(answers) >= if kept_up { 1 } else { come }
+            count(answers) >= if kept_up { 1 } else { come } || kept_up && answers.none
         };
         let of_kind = answers.iter().enumerate().filter(is_of_kind).count();
         answers.len() > 2 && 2 * of_kind > answers.len()
@@ -175,12 +184,14 @@ impl Judge<'_> {
         let since = |count: fn(&ServoCounters) -> u64| count(&servo.counters).saturating_sub(count(&before));
         let (late, damaged, refused) = (since(|c| c.late), since(|c| c.bad_crc), since(|c| c.refused));
         let double = since(|c| c.double);
+        let came = late + damaged + double + refused + since(|c| c.ok);
         let mut answers = Answers {
             late,
             damaged,
             refused,
             two: double >= DOUBLE,
-            all: late + damaged + double + refused + since(|c| c.ok) + since(|c| c.timeouts),
+            all: came + since(|c| c.timeouts),
+            none: came == 0,
         };
         if (self.had)(Kind::TwoServos, Place::Joint(joint)).is_some() {
             // Two that answer at once damage each other's answers; a noisy cable damages few.
@@ -231,6 +242,13 @@ impl Judge<'_> {
         }
         if refused >= self.least(Kind::ServoRefuses, place, answers.many(REFUSED)) {
             found.push(refusing_servo(place, name, refused, seconds, servo.refusal));
+        }
+        if answers.none && !quiet.silent {
+            found.extend(
+                OF_ANSWERS_THAT_COME
+                    .into_iter()
+                    .filter_map(|kind| (self.had)(kind, place).cloned()),
+            );
         }
         if quiet.silent && !quiet.told && late == 0 {
             found.push(silent_servo(joint, name, quiet.heard));

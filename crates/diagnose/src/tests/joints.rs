@@ -41,6 +41,9 @@ impl JointsBench {
             view.now_ns = bench.known.now_ns;
             if let Some((snapshot, _)) = &mut view.servos {
                 snapshot.counters.cycles += 1;
+                for servo in snapshot.servos.iter_mut().filter(|servo| servo.alive) {
+                    servo.counters.ok += 1;
+                }
             }
             change(view);
             bench.look(Some(view));

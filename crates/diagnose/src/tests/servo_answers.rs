@@ -27,6 +27,10 @@ fn answers_that_are_late_or_damaged_from_all_servos_are_one_problem() {
         bench.said(&[words]);
         assert_eq!(bench.bench.kinds(), [kind]);
         assert_eq!(bench.bench.problems.kinds(Place::Joints).len(), 1);
+        bench.pass(1000, |view| {
+            (0..4).for_each(|joint| servo(view, joint).counters.ok -= 1)
+        });
+        assert_eq!(bench.bench.kinds(), [kind], "nothing came");
         bench.pass(1000, |_| {});
         assert_eq!(bench.bench.kinds(), [""; 0]);
     }
@@ -122,6 +126,29 @@ fn what_is_at_the_edge_does_not_come_and_go() {
         servo(view, 0).counters.late += u64::from(view.now_ns % (1000 * MS) == 0)
     });
     assert_eq!(bench.bench.said, [], "one in a second");
+}
+
+#[test]
+fn what_is_wrong_with_answers_is_not_over_while_none_come() {
+    type Change = fn(&mut JointsView);
+    let cases: [(Change, &str); 4] = [
+        (|v| servo(v, 1).counters.late += 3, "answers in time"),
+        (|v| servo(v, 1).counters.bad_crc += 3, "are whole"),
+        (|v| servo(v, 1).counters.double += 3, "one servo answers"),
+        (|v| servo(v, 1).counters.refused += 3, "is read again"),
+    ];
+    for (change, over) in cases {
+        let mut bench = JointsBench::answering(4);
+        bench.pass(1000, change);
+        let told = bench.bench.kinds();
+        assert_eq!(told.len(), 1);
+        bench.bench.said.clear();
+        // A machine that is held up asks nothing for a while.
+        bench.pass(3000, |view| servo(view, 1).counters.ok -= 1);
+        assert_eq!((bench.bench.kinds(), bench.bench.said.len()), (told, 0), "{over}");
+        bench.pass(1000, |_| {});
+        bench.said(&[&[over]]);
+    }
 }
 
 #[test]
