@@ -36,7 +36,7 @@ PRINTING = {
     "forearm estimate": [f"taxel forearm estimate estimator session.npz {json}" for json in ("", "--json")],
     "forearm eval": [f"taxel forearm eval session.npz --brief --repetitions 1 {json}" for json in ("", "--json")],
     "forearm simulate": ["taxel forearm simulate --out NEW.npz --repetitions 1"],
-    "forearm figures": ["taxel forearm figures session.npz --out NEW"],
+    "forearm figures": ["taxel forearm figures session.npz --repetitions 1 --out NEW"],
     "forearm fingers": ["taxel forearm fingers session.npz"],
     "sim": ["taxel sim --list", "taxel sim --list --json", "taxel sim tap --show"],
     "doctor": [f"taxel doctor {what}" for what in ("", "--json", "--scan log:tap.log", "--scan log:tap.log --json")],
