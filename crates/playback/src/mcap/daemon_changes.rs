@@ -31,6 +31,8 @@ pub struct DaemonChanges {
     paused_ns: Option<u64>,
     /// Whether it has not said since that it goes on.
     is_paused: bool,
+    /// Whether it said that it is paused, and no frame has come since.
+    has_just_paused: bool,
     changes: VecDeque<DaemonChange>,
 }
 
@@ -58,6 +60,7 @@ impl DaemonChanges {
             free_ns: None,
             paused_ns: None,
             is_paused: false,
+            has_just_paused: false,
             changes: VecDeque::new(),
         })
     }
@@ -126,11 +129,13 @@ impl DaemonChanges {
         let is_anew = before.is_some_and(|before| frame.seq < before.seq);
         let is_behind_gap = before.is_some_and(|before| t_ns.saturating_sub(before.t_ns) > self.gap_ns);
         let has_contact = frame.contacts().any(|contact| contact);
+        // A pause that was told behind the last frame of the daemon before is that of the next, which tells it at once.
+        let is_over = !std::mem::take(&mut self.has_just_paused) && is_anew;
         // What it said of a pause may stand before frames that are older.
         match self.paused_ns {
-            Some(paused_ns) if has_contact || is_anew => {
+            Some(paused_ns) if has_contact || is_over => {
                 self.pause(false, at_ns);
-                if t_ns > paused_ns || is_anew {
+                if t_ns > paused_ns || is_over {
                     (self.paused_ns, self.is_paused) = (None, false);
                 }
             }
@@ -159,6 +164,7 @@ impl DaemonChanges {
     fn take_pause(&mut self, is_paused: bool, wall_ns: u64) {
         let last = self.last.map_or([0; 2], |last| [last.t_ns, last.wall_ns]);
         let said_ns = last[0].saturating_add(wall_ns.saturating_sub(last[1]));
+        self.has_just_paused = is_paused;
         if is_paused == self.is_paused {
             return;
         }
@@ -208,6 +214,7 @@ mod tests {
             free_ns: None,
             paused_ns: None,
             is_paused: false,
+            has_just_paused: false,
             changes: VecDeque::new(),
         };
         for (t_ms, told) in told {
@@ -314,6 +321,7 @@ mod tests {
             (500, Event(Resumed)),
             (600, Event(Paused)),
             (700, Event(Paused)),
+            (790, Frame(31, false, false)),
             // The daemon that begins anew is not paused.
             (800, Frame(0, false, false)),
         ];
@@ -327,5 +335,35 @@ mod tests {
             (795, "calibrated"),
         ];
         assert_eq!(found(&told), wanted);
+    }
+
+    #[test]
+    fn a_pause_that_a_daemon_told_before_its_first_frame_holds() {
+        let told = |was_paused: bool| {
+            let before = if was_paused { Paused } else { Resumed };
+            [
+                (100, Frame(7, false, true)),
+                (150, Event(before)),
+                (160, Frame(8, false, false)),
+                (200, Frame(9, false, false)),
+                (300, Event(Paused)),
+                (310, Frame(0, true, false)),
+                (320, Frame(1, true, false)),
+                (330, Frame(2, false, true)),
+                (400, Frame(3, false, false)),
+            ]
+        };
+        let pauses = |told: &[(u64, Told)]| {
+            let mut found = found(told);
+            found.retain(|(_, what)| ["paused", "resumed"].contains(what));
+            found
+        };
+        // From behind its last contact, as far as is known, to the first of the next.
+        assert_eq!(pauses(&told(false)), [(155, "paused"), (325, "resumed")]);
+        // The daemon before it was paused as well.
+        assert_eq!(
+            pauses(&told(true)),
+            [(150, "paused"), (155, "paused"), (325, "resumed")]
+        );
     }
 }
