@@ -14,9 +14,11 @@ import numpy as np
 SETTINGS = {"calibration_ms": 300, "repair_wraps": False, "reject_glitches": False}
 
 MS = 1_000_000
+NEVER = 1 << 32
 SIGMAS_PER_MAD = 1.4826
 WINDOW_NS, LEAST_FRAMES = 300 * MS, 10
 OUTLIER_SIGMAS = 5.0
+STEPS, STEP_WITNESSES = range(4, 201), 3
 TOUCH_COUNTS, TOUCH_SIGMAS = 60.0, 4.0
 NOISE_SIGMAS, NOISE_FLOOR = 8.0, 150.0
 MARGIN, RELEASE, LEAST_THRESHOLD = 1.5, 0.8, 10.0
@@ -41,14 +43,37 @@ def upper_spread(values):
     return centre, SIGMAS_PER_MAD * np.sort(np.abs(values - centre))[middle]
 
 
-class Rest:
-    """What a taxel's (T, 3) samples at rest say of it."""
+def steps_of(samples):
+    """The steps (N, 3) that the counts of (T, N, 3) samples go in; 1 where none is found.
 
-    def __init__(self, samples):
+    Where all samples of a taxel's axis are multiples of its least change, it shows that step. On an axis a step is found
+    that three taxels show; those that change in the same samples, by the sum of their numbers modulo 64, count once. A
+    taxel has the longest one of which all its samples are multiples.
+    """
+    samples = np.asarray(samples, dtype=np.int64)
+    divisor = np.gcd.reduce(samples, axis=0)
+    changes = np.abs(np.diff(samples, axis=0))
+    least = np.where(changes > 0, changes, NEVER).min(axis=0)
+    times = np.einsum("t,tna->na", np.arange(1, len(samples)), changes > 0) % 64
+    steps = np.ones_like(divisor)
+    for axis in range(3):
+        shows = (divisor[:, axis] == least[:, axis]) & np.isin(divisor[:, axis], STEPS)
+        shown = set(zip(divisor[shows, axis], times[shows, axis]))
+        for step in STEPS:
+            if sum(s == step for s, _ in shown) >= STEP_WITNESSES:
+                fits = (divisor[:, axis] % step == 0) & (divisor[:, axis] > 0)
+                steps[fits, axis] = step
+    return steps
+
+
+class Rest:
+    """What a taxel's (T, 3) samples at rest say of it; `step` is that of the counts, or of each axis."""
+
+    def __init__(self, samples, step=1):
         samples = np.asarray(samples, dtype=np.float64)
         centre = np.median(samples, axis=0)
         sigma = SIGMAS_PER_MAD * np.median(np.abs(samples - centre), axis=0)
-        kept = np.all(np.abs(samples - centre) <= OUTLIER_SIGMAS * np.maximum(sigma, 0.5), axis=1)
+        kept = np.all(np.abs(samples - centre) <= OUTLIER_SIGMAS * np.maximum(sigma, np.asarray(step) / 2.0), axis=1)
         self.constant = bool(np.all(samples == samples[0]))
         self.baseline = samples[kept].sum(axis=0) / np.sum(kept) if np.any(kept) else centre
         # Noise from sample to sample, so that slow motion is none; an outlier interrupts.
@@ -98,7 +123,7 @@ class RobustConditioner:
         assert len(samples) <= 128, "longer windows are thinned out"
         taxels = samples.shape[1]
         alive = ~np.all((samples == 0) | (samples == 65535), axis=(0, 2))
-        rest = [Rest(samples[:, n]) for n in range(taxels)]
+        rest = [Rest(samples[:, n], step) for n, step in enumerate(steps_of(samples))]
         # What did not change is stuck until it does, and has its baseline from then on like any other.
         self.stuck = alive & np.array([r.constant for r in rest])
         usable = alive & ~self.stuck

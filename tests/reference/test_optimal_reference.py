@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from exact_levels import Forces, optimal_levels
 from following_actuators import Follower, neighbour_distance
-from robust_conditioning import MS, Rest, RobustConditioner, upper_spread
+from robust_conditioning import MS, Rest, RobustConditioner, steps_of, upper_spread
 
 
 def test_the_levels_are_the_means_of_the_cut_with_the_least_error():
@@ -106,6 +106,19 @@ def test_an_outlier_moves_neither_baseline_nor_noise():
     assert clean.noise == pytest.approx(2**0.5) and spiked.noise == clean.noise
     assert clean.peak == spiked.peak == 1.0
     assert not clean.touched and not clean.constant
+
+
+def test_a_step_is_what_three_taxels_change_by_at_three_times_and_all_their_counts_are_multiples_of():
+    taxels = [[160, 176, 176, 176], [320, 320, 304, 304], [48, 48, 48, 64], [640] * 4, [648] * 4, [160, 176, 177, 177]]
+    of = lambda *taxels: steps_of(np.array(taxels).T[..., None] * [0, 0, 1])[:, 2].tolist()
+    assert of(*taxels) == [16, 16, 16, 16, 1, 1]
+    assert of(*taxels[:2]) == [1, 1] and of(taxels[0], taxels[0], taxels[1]) == [1, 1, 1]
+
+
+def test_one_step_is_noise_of_counts_in_steps_and_an_outlier_of_others():
+    samples = [[100, 200, 16 * (i % 8 == 1)] for i in range(16)]
+    assert Rest(samples, [1, 1, 16]).baseline.tolist() == [100, 200, 2]
+    assert Rest(samples).baseline.tolist() == [100, 200, 0]
 
 
 def test_a_level_that_moves_is_a_touch():

@@ -5,6 +5,7 @@
 //! bytes per kept sample, 1.5 KiB per taxel (360 KiB for 240 taxels), taken once.
 
 use super::magnitude::MagnitudeMode;
+use super::step::{AxisSteps, HandSteps};
 
 /// Most samples kept of a taxel's window.
 const KEPT: usize = 128;
@@ -44,6 +45,7 @@ struct Window {
     seen: u32,
     kept: usize,
     stride: u32,
+    steps: [AxisSteps; 3],
 }
 
 /// The windows of all taxels.
@@ -52,6 +54,7 @@ pub(super) struct Windows {
     samples: Vec<[i32; 3]>,
     windows: Vec<Window>,
     scratch: Vec<i32>,
+    steps: HandSteps,
 }
 
 impl Windows {
@@ -60,7 +63,13 @@ impl Windows {
             samples: vec![[0; 3]; taxels * KEPT],
             windows: vec![Window::default(); taxels],
             scratch: Vec::with_capacity(KEPT),
+            steps: HandSteps::new(),
         }
+    }
+
+    /// Finds the steps that the hand's counts go in. They hold until they are looked for again.
+    pub(super) fn find_steps(&mut self) {
+        self.steps.find(self.windows.iter().map(|window| &window.steps));
     }
 
     pub(super) fn clear(&mut self, taxel: usize) {
@@ -74,6 +83,10 @@ impl Windows {
             (window.start_ns, window.stride) = (t_ns, 1);
         }
         window.end_ns = t_ns;
+        let last = *window.kept.checked_sub(1).map_or(&counts, |kept| &samples[kept]);
+        for (a, steps) in window.steps.iter_mut().enumerate() {
+            steps.take(counts[a], last[a], window.seen);
+        }
         if window.kept == KEPT && window.seen.is_multiple_of(window.stride) {
             for i in 1..KEPT / 2 {
                 samples[i] = samples[2 * i];
@@ -94,13 +107,14 @@ impl Windows {
     }
 
     /// Judges a taxel's window; `None` while it is empty. Peaks are above `baseline` where given,
-    /// else above the window's own mean.
+    /// else above the window's own mean. Those of eight bits, `coarse`, have a rule of their own for their steps.
     pub(super) fn judge(
         &mut self,
         taxel: usize,
         baseline: Option<[f64; 3]>,
         mode: MagnitudeMode,
         outlier_sigmas: f64,
+        coarse: bool,
     ) -> Option<TaxelIdle> {
         let kept = self.windows[taxel].kept;
         let samples = &self.samples[taxel * KEPT..][..kept];
@@ -121,8 +135,12 @@ impl Windows {
                     .map(|s| (2 * s[a]).abs_diff((2.0 * centre[a]) as i32) as i32),
             );
             let sigma = MAD_TO_SIGMA * median(sorted) / 2.0;
-            // Quiet axes move by one count now and then; that is resolution, not an outlier.
-            reach[a] = outlier_sigmas * sigma.max(0.5);
+            // Quiet axes move by one step now and then; that is resolution, not an outlier.
+            let step = match coarse {
+                true => 1,
+                false => self.steps.of(&self.windows[taxel].steps[a], a),
+            };
+            reach[a] = outlier_sigmas * sigma.max(f64::from(step) / 2.0);
         }
         let is_kept = |s: &[i32; 3]| (0..3).all(|a| (f64::from(s[a]) - centre[a]).abs() <= reach[a]);
         let window = &self.windows[taxel];
@@ -235,7 +253,7 @@ mod tests {
             windows.push(1, s, i as u64);
         }
         windows
-            .judge(1, None, MagnitudeMode::Vector, 5.0)
+            .judge(1, None, MagnitudeMode::Vector, 5.0, false)
             .expect("not empty")
     }
 
@@ -294,6 +312,9 @@ mod tests {
 
     #[test]
     fn an_empty_window_says_nothing() {
-        assert_eq!(Windows::new(1).judge(0, None, MagnitudeMode::Vector, 5.0), None);
+        assert_eq!(
+            Windows::new(1).judge(0, None, MagnitudeMode::Vector, 5.0, false),
+            None
+        );
     }
 }

@@ -219,6 +219,7 @@ impl Conditioner {
         };
         if pair_done && (window_done || !self.needs_window()) {
             self.begin_report(elapsed);
+            self.calibration.windows.find_steps();
             self.calibration.phase = Phase::Judging { next: 0 };
             if !self.needs_window() {
                 for n in 0..self.baseline.len() {
@@ -251,9 +252,13 @@ impl Conditioner {
             self.config.calibration_min_frames.min(STUCK_SAMPLES)
         };
         let (samples, _) = calibration.windows.extent(n);
-        let judged = calibration
-            .windows
-            .judge(n, zero, self.config.magnitude, self.config.outlier_sigmas);
+        let judged = calibration.windows.judge(
+            n,
+            zero,
+            self.config.magnitude,
+            self.config.outlier_sigmas,
+            self.taxels[n].coarse,
+        );
         self.touched[n] = false;
         self.taxels[n].has_baseline = false;
         let Some(mut idle) = judged.filter(|_| samples >= fewest) else {
@@ -467,9 +472,13 @@ impl Conditioner {
     fn judge_alone(&mut self, n: usize) {
         let calibration = &mut self.calibration;
         let robust = self.config.fault_rule.is_robust();
-        let idle = calibration
-            .windows
-            .judge(n, None, self.config.magnitude, self.config.outlier_sigmas);
+        let idle = calibration.windows.judge(
+            n,
+            None,
+            self.config.magnitude,
+            self.config.outlier_sigmas,
+            self.taxels[n].coarse,
+        );
         calibration.windows.clear(n);
         let Some(idle) = idle else { return };
         calibration.late -= 1;

@@ -46,8 +46,8 @@ settings! {
     pub calibration_ms: u64,
     /// Fewest frames with new samples the window may hold, 2 to 10,000; it is lengthened until it has them.
     pub calibration_min_frames: u32,
-    /// A sample further than this many robust standard deviations (1.4826 MAD) from the median of
-    /// its axis is left out of the baseline, 2 to 1,000.
+    /// A sample further than this many robust standard deviations (1.4826 MAD, but no less than half a
+    /// step of the counts) from the median of its axis is left out of the baseline, 2 to 1,000.
     pub outlier_sigmas: f64,
 
     /// What a taxel's force is, eq. (1).

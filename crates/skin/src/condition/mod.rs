@@ -19,6 +19,7 @@ mod pair;
 mod place;
 mod repair;
 mod report;
+mod step;
 mod taxel;
 mod unchanging;
 

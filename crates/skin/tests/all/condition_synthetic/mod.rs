@@ -8,3 +8,4 @@ mod quiet;
 mod repair;
 mod settings;
 mod skin;
+mod steps;
