@@ -1,6 +1,6 @@
 //! `taxel doctor` on recordings.
 
-use super::{succeeds, taxel};
+use super::{succeeds, taxel, texts};
 use std::fs;
 use tempfile::TempDir;
 
@@ -41,4 +41,28 @@ fn joints_on_a_bus_of_the_skin_are_no_strangers_there() {
     let output = taxel(&dir, &["doctor", "--config", "skin.toml"]);
     let told = String::from_utf8_lossy(&output.stdout);
     assert!(told.contains("an Allegro hand (version 4 or 5) speaks"), "{told}");
+    assert!(told.contains("\"allegro:log:both.log\""), "{told}");
+}
+
+#[test]
+fn the_pressure_of_an_allegro_hand_is_told_for_its_own() {
+    let dir = TempDir::new().unwrap();
+    let line = |n: usize| {
+        let ids = [0x080, 0x084, 0x088, 0x08C, 0x150, 0x154, 0x158, 0x15C];
+        let line = |id: &u16| {
+            format!(
+                "({}.{:06}) can0 {id:03X}#0000000000000000\n",
+                n / 100,
+                n % 100 * 10_000
+            )
+        };
+        ids.iter().map(line).collect::<String>()
+    };
+    let log: String = (0..200).map(line).collect();
+    fs::write(dir.path().join("in.log"), log).unwrap();
+    let (_, told) = texts(&taxel(&dir, &["doctor", "--scan", "log:in.log"]));
+    assert!(
+        told.contains("an Allegro hand of version 4 or 5") && !told.contains("of nobody known"),
+        "{told}"
+    );
 }

@@ -21,11 +21,11 @@ pub(super) fn take(heard: &mut HeardIds, bus: &mut RecognisedBus) {
             // What the hand's controller and the hand say beside.
             if version == 4 {
                 left.retain(|id, _| !matches!(id >> 2, 0x30 | 0x38..=0x3B | 0x40 | 0x41 | 0x60..=0x63 | 0x68 | 0x80 | 0x81 | 0x88 | 0xE0..=0xE3));
-                // Version 5 beside: grasps, calibration, errors, the fingertips' pressure.
+                // Version 5 beside: grasps, calibration, errors, pressure of fingertips and palm.
                 left.retain(|id, _| {
                     !matches!(
                         id >> 2,
-                        0x11 | 0x12 | 0x50 | 0x52 | 0x89 | 0x92 | 0xEE | 0xF0 | 0xF2
+                        0x11 | 0x12 | 0x50 | 0x52 | 0x54..=0x57 | 0x89 | 0x92 | 0xEE | 0xF0 | 0xF2
                     )
                 });
             } else {

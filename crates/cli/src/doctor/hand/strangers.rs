@@ -1,6 +1,6 @@
 //! Whoever speaks on the buses of the hand and is not of it.
 
-use super::{AREA, HandFacts, Unclaimed};
+use super::{AREA, BusFacts, HandFacts, Unclaimed};
 use crate::doctor::finding::Check;
 use std::collections::BTreeMap;
 use taxel_can::{EXTENDED_FLAG, id_text};
@@ -17,7 +17,7 @@ type Strangers = Vec<(u32, Unclaimed)>;
 pub(super) fn check(layout: &Layout, bus: u8, hand: &HandFacts) -> Vec<Check> {
     let facts = &hand.buses[usize::from(bus)];
     let mut strangers: Strangers = facts.unclaimed.iter().map(|(id, u)| (*id, *u)).collect();
-    let mut checks = allegro_hands(&facts.name, &mut strangers);
+    let mut checks = allegro_hands(facts, &mut strangers);
     for protocol in Protocol::boards() {
         let mut modules = layout.wiring.iter().filter(|m| m.bus == bus);
         if modules.any(|m| m.protocol == protocol) {
@@ -30,7 +30,7 @@ pub(super) fn check(layout: &Layout, bus: u8, hand: &HandFacts) -> Vec<Check> {
 }
 
 /// Takes out the Allegro hands.
-fn allegro_hands(bus: &str, strangers: &mut Strangers) -> Vec<Check> {
+fn allegro_hands(bus: &BusFacts, strangers: &mut Strangers) -> Vec<Check> {
     let mut checks = Vec::new();
     for version in [3, 4] {
         let Ok(mut allegro) = AllegroDecoder::new(&AllegroConfig::new(version)) else {
@@ -51,10 +51,14 @@ fn allegro_hands(bus: &str, strangers: &mut Strangers) -> Vec<Check> {
             Check::error(
                 AREA,
                 "Allegro hand",
-                bus,
+                &bus.name,
                 format!("an Allegro hand (version {version}) speaks on the bus of the skin"),
             )
-            .wanted("a bus of its own, since ids of both may overlap, or `[joints]` in the configuration"),
+            .wanted(format!(
+                "a bus of its own, since ids of both may overlap, or `[joints]` in the configuration with the source of this \
+                 very bus, \"allegro:{}\"",
+                bus.source
+            )),
         );
     }
     checks
