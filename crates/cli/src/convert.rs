@@ -11,6 +11,7 @@ use std::io::Write;
 use std::path::{Path, PathBuf};
 use taxel_engine::TickMode;
 use taxel_hand::{Freshness, TactileFrame};
+use taxel_playback::array_frames::{ArrayFrames, is_of_arrays};
 use taxel_playback::image_output::{ImageOutput, OutputFormat};
 use taxel_playback::interrupt::Interrupt;
 use taxel_playback::output_file::{OutputFile, create_stream, refuse_overlap};
@@ -24,8 +25,8 @@ use taxel_skin::Layout;
 
 /// Write a recording in another format.
 ///
-/// Into .log (candump) and .mcap goes CAN traffic, frame by frame: that of a log or an .mcap, or what the boards of the
-/// hand would have sent for the counts of a .csv, .npy or .npz; what else is in an .mcap stays behind, which is said.
+/// Into .log (candump) and .mcap goes CAN traffic, frame by frame: that of a log or an .mcap, or what the boards or
+/// pressure arrays of the hand would have sent for the counts of a .csv, .npy or .npz; what else is in an .mcap stays behind, which is said.
 /// Into .npz, .csv and .parquet go tactile frames, counts, times and joint angles: those that the daemon made, where an
 /// .mcap holds them, or else those that it would make of the traffic.
 ///
@@ -208,14 +209,19 @@ fn traffic(args: &Args, input: &Input, output: &mut TrafficOutput, check: &Check
         ),
         Input::Frames(recording) => {
             let layout = args.offline.hand(DEFAULT_LAYOUT)?;
-            let sweeps = Sweeps::new(recording, &layout, args.offline.input.tile)?;
             tell_joints(recording);
-            remark!(
-                "taxel: {}: its {} frames go as what boards send; who makes frames of that again samples it anew",
-                recording.name(),
-                recording.len()
-            );
-            output.take_sweeps(&sweeps, check)?;
+            if is_of_arrays(&layout) {
+                args.offline.input.refuse_tile_of_arrays(&layout)?;
+                output.take_arrays(&ArrayFrames::new(recording, &layout)?, check)?;
+            } else {
+                let sweeps = Sweeps::new(recording, &layout, args.offline.input.tile)?;
+                remark!(
+                    "taxel: {}: its {} frames go as what boards send; who makes frames of that again samples it anew",
+                    recording.name(),
+                    recording.len()
+                );
+                output.take_sweeps(&sweeps, check)?;
+            }
             &[Topic::Images, Topic::Events]
         }
     };

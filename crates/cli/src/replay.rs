@@ -133,12 +133,7 @@ fn play_frames(args: &Args, window: Range<u64>, recording: &Recording) -> anyhow
     let layout = args.input.hand(configured.as_ref(), default)?;
     let named = || args.route(&layout.buses, "bus of the layout");
     if is_of_arrays(&layout) {
-        if args.input.tile {
-            bail!(
-                "--tile repeats a module of boards; layout {} has arrays",
-                layout.name
-            );
-        }
+        args.input.refuse_tile_of_arrays(&layout)?;
         let frames = ArrayFrames::new(recording, &layout)?;
         let targets = args.open(&named()?, &args.input.path)?;
         return args.player(window, targets)?.play_arrays(&frames);

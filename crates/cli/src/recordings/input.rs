@@ -190,6 +190,17 @@ impl InputArgs {
         }
     }
 
+    /// Refuses to repeat a module, where the hand has pressure arrays.
+    pub(crate) fn refuse_tile_of_arrays(&self, layout: &Layout) -> anyhow::Result<()> {
+        if self.tile {
+            bail!(
+                "--tile repeats a module of boards; layout {} has arrays",
+                layout.name
+            );
+        }
+        Ok(())
+    }
+
     /// Options that describe a file of frames, and whether each is given.
     fn file_options(&self) -> [(bool, &'static str); 8] {
         [

@@ -112,3 +112,26 @@ fn replay_puts_frames_on_a_bus_in_their_order() {
     assert_eq!(err.matches("can1 goes to udp:").count(), 1, "{err}");
     assert!(err.contains("--interface can1=SOURCE"), "{err}");
 }
+
+#[test]
+fn what_a_pressure_array_would_have_sent_is_converted_as_it_is_played() {
+    let dir = TempDir::new().unwrap();
+    let counts = ndarray::Array3::from_shape_fn((5, 28, 50), |(t, row, column)| (t * row + column) as u16);
+    ndarray_npy::write_npy(dir.path().join("in.npy"), &counts).unwrap();
+    let layout = ["--layout", "tekscan-6077"];
+    let play = ["replay", "in.npy", "--to", "log:played.log", "--speed", "inf"];
+    succeeds(&dir, &[&play[..], &layout].concat());
+    for made in ["made.log", "made.mcap"] {
+        succeeds(&dir, &[&["convert", "in.npy", made], &layout[..]].concat());
+    }
+    let read = |name: &str| std::fs::read_to_string(dir.path().join(name)).unwrap();
+    assert_eq!(read("made.log"), read("played.log"));
+    let (lines, _) = succeeds(&dir, &["convert", "made.mcap", "-"]);
+    assert_eq!(lines.lines().count(), read("played.log").lines().count());
+    let err = fails(
+        &dir,
+        &[&["convert", "in.npy", "x.log", "--tile"], &layout[..]].concat(),
+        1,
+    );
+    assert!(err.contains("--tile repeats a module of boards"), "{err}");
+}

@@ -1,5 +1,6 @@
 //! CAN traffic into a file.
 
+use crate::array_frames::ArrayFrames;
 use crate::frame_file::FrameFile;
 use crate::output_file::create_stream;
 use crate::sweep::Sweeps;
@@ -76,6 +77,15 @@ impl TrafficOutput {
     pub fn take_sweeps(&mut self, sweeps: &Sweeps<'_>, check: &Check<'_>) -> anyhow::Result<()> {
         let buses = &sweeps.layout().buses;
         for (bus, received) in sweeps.frames() {
+            self.put(&buses[usize::from(bus)], received.t_ns, &received, check)?;
+        }
+        Ok(())
+    }
+
+    /// Writes what pressure arrays would have sent.
+    pub fn take_arrays(&mut self, arrays: &ArrayFrames<'_>, check: &Check<'_>) -> anyhow::Result<()> {
+        let buses = &arrays.layout().buses;
+        for (bus, received) in arrays.frames() {
             self.put(&buses[usize::from(bus)], received.t_ns, &received, check)?;
         }
         Ok(())

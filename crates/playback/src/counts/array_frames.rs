@@ -68,6 +68,11 @@ impl<'a> ArrayFrames<'a> {
         })
     }
 
+    /// The hand that they are of.
+    pub(crate) fn layout(&self) -> &'a Layout {
+        self.layout
+    }
+
     /// Every frame of every message in the order of their times, which begin at zero: bus, time, frame.
     pub(crate) fn frames(&self) -> impl Iterator<Item = (u8, Received)> + '_ {
         (0..self.recording.len()).flat_map(move |index| self.messages(index))
