@@ -296,7 +296,7 @@ impl RecordingReader {
         }
         self.chunk = None;
         // The chunk may have said which topics later messages are of; the summary says it again.
-        for (id, topic) in channels_of_summary(&self.file).unwrap_or_default() {
+        for (id, topic, _) in channels_of_summary(&self.file).unwrap_or_default() {
             self.take_channel(id, topic);
         }
         Found::Other
@@ -323,10 +323,19 @@ impl RecordingReader {
     pub fn may_hold(&self, topic: Topic) -> bool {
         let may_hold = |file: &File| {
             let listed = channels_of_summary(file).unwrap_or_default();
-            listed.is_empty() || listed.iter().any(|(_, listed)| *listed == Some(topic))
+            listed.is_empty() || listed.iter().any(|(_, listed, _)| *listed == Some(topic))
         };
         let next = |part: &PathBuf| File::open(part).is_ok_and(|file| may_hold(&file));
         may_hold(&self.file) || self.next_parts.iter().any(next)
+    }
+
+    /// Topics that its index lists and that no recorder of ours writes; none where it has no index.
+    pub fn other_topics(&self) -> Vec<String> {
+        let listed = channels_of_summary(&self.file).unwrap_or_default().into_iter();
+        listed
+            .filter(|(_, topic, _)| topic.is_none())
+            .map(|(.., name)| name)
+            .collect()
     }
 
     /// What of the file could not be read so far, a sentence each: damaged bytes, and where it was torn off.
@@ -353,8 +362,8 @@ fn ends_whole(file: &File, len: u64) -> bool {
     file.read_exact_at(&mut end, at).is_ok() && end == *MAGIC
 }
 
-/// The channels that the summary at the end of a file lists; none where there is no summary.
-fn channels_of_summary(file: &File) -> Option<Vec<(u16, Option<Topic>)>> {
+/// The channels that the summary at the end of a file lists, and what they are called; none where there is no summary.
+fn channels_of_summary(file: &File) -> Option<Vec<(u16, Option<Topic>, String)>> {
     let end = (file.metadata().ok()?.len()).checked_sub((FOOTER + MAGIC.len()) as u64)?;
     let mut footer = [0; FOOTER];
     file.read_exact_at(&mut footer, end).ok()?;
@@ -408,7 +417,7 @@ fn look(
             }
         }
         op::CHANNEL => {
-            let (id, topic) = channel(fields)?;
+            let (id, topic, _) = channel(fields)?;
             Found::Channel(id, topic)
         }
         op::ATTACHMENT => attached(data),
@@ -442,14 +451,15 @@ fn attached(record: &[u8]) -> Found {
     }
 }
 
-/// The number of a channel, and which of our topics it is.
-fn channel(mut fields: Fields<'_>) -> Option<(u16, Option<Topic>)> {
+/// The number of a channel, which of our topics it is, and what it is called.
+fn channel(mut fields: Fields<'_>) -> Option<(u16, Option<Topic>, String)> {
     let (id, _schema) = (fields.u16()?, fields.u16()?);
     let (name, encoding) = (fields.text()?, fields.text()?);
     let topic = Topic::ALL
         .into_iter()
         .find(|topic| topic.name().as_bytes() == name);
-    Some((id, topic.filter(|_| encoding == b"cdr")))
+    let name = String::from_utf8_lossy(name).into_owned();
+    Some((id, topic.filter(|_| encoding == b"cdr"), name))
 }
 
 /// The fields of a record, one after the other.

@@ -10,14 +10,34 @@ use taxel_recorder::{
 use taxel_sequence::Mark;
 use taxel_wire::{EventKind, Hello};
 
+/// Topics of others that are named.
+const MOST_TOPICS: usize = 8;
+
 /// The tactile frames that the daemon made, counts and joint angles, from the first in which a taxel has a value.
 pub fn frames(path: &Path) -> anyhow::Result<Recording> {
-    let nothing = format!(
-        "no tactile frames of a daemon in it; of CAN traffic `taxel convert {} {}` makes some",
-        path.display(),
-        path.with_extension("npz").display()
-    );
+    let nothing = match topics_of_others(path)? {
+        Some(topics) => format!(
+            "nothing that `taxel record` wrote in it; there is {topics}. In Python, mcap_ros2.reader.read_ros2_messages reads them, \
+             and numpy.savez(\"grasp.npz\", counts=.., t_ns=..) makes a recording"
+        ),
+        None => format!(
+            "no tactile frames of a daemon in it; of CAN traffic `taxel convert {} {}` makes some",
+            path.display(),
+            path.with_extension("npz").display()
+        ),
+    };
     frames_and_wall_marks(path, &nothing).map(|(recording, ..)| recording)
+}
+
+/// The topics of a recording that no recorder of ours made, in words.
+fn topics_of_others(path: &Path) -> anyhow::Result<Option<String>> {
+    let reader = RecordingReader::open(path, &[])?;
+    let topics = reader.other_topics();
+    let is_ours = [Topic::Can, Topic::Frames, Topic::Hello].map(|topic| reader.may_hold(topic));
+    let first: Vec<&str> = topics.iter().take(MOST_TOPICS).map(String::as_str).collect();
+    let more = if topics.len() > MOST_TOPICS { ", .." } else { "" };
+    let are_others = !topics.is_empty() && is_ours == [false; 3];
+    Ok(are_others.then(|| first.join(", ") + more))
 }
 
 /// The tactile frames that the daemon made, and the marks that people and programs made meanwhile; times of both begin with

@@ -2,6 +2,7 @@
 
 mod compressed;
 mod damage;
+mod others;
 
 use std::cell::RefCell;
 use std::io::{self, Cursor, Seek, SeekFrom, Write};

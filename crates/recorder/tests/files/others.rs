@@ -1,0 +1,37 @@
+//! Recordings of other programs.
+
+use mcap::{WriteOptions, records::MessageHeader};
+use std::collections::BTreeMap;
+use std::io::Cursor;
+use taxel_recorder::{RecordingReader, Topic, text_message};
+
+#[test]
+fn topics_of_others_are_those_of_the_index_that_are_not_ours() {
+    let folder = tempfile::TempDir::new().unwrap();
+    let path = folder.path().join("bag.mcap");
+    for (has_index, wanted) in [(true, &["/tactile", "/chatter"][..]), (false, &[])] {
+        let options = WriteOptions::new().compression(None);
+        let options = options.emit_summary_records(has_index);
+        let mut writer = options.create(Cursor::new(Vec::new())).unwrap();
+        let schema = writer.add_schema("std_msgs/msg/String", "ros2msg", b"string data");
+        let schema = schema.unwrap();
+        for topic in ["/tactile", Topic::Hello.name(), "/chatter"] {
+            let channel = writer.add_channel(schema, topic, "cdr", &BTreeMap::new());
+            let header = MessageHeader {
+                channel_id: channel.unwrap(),
+                sequence: 0,
+                log_time: 1,
+                publish_time: 1,
+            };
+            writer
+                .write_to_known_channel(&header, &text_message("7"))
+                .unwrap();
+        }
+        writer.finish().unwrap();
+        std::fs::write(&path, writer.into_inner().into_inner()).unwrap();
+        let reader = RecordingReader::open(&path, &[]).unwrap();
+        let mut topics = reader.other_topics();
+        topics.sort_unstable_by_key(|topic| std::cmp::Reverse(topic.clone()));
+        assert_eq!(topics, wanted);
+    }
+}
