@@ -22,6 +22,7 @@ use serde::Serialize;
 use std::fmt::Write as _;
 use std::io::{self, Write};
 use std::path::{Path, PathBuf};
+use taxel_hand::plural;
 use taxel_palpation::{
     Agreement, Categories, Classifier, Matrix, Pca, Silhouette, Solver, clusters_by_silhouette, optimal,
     paper, stability,
@@ -428,11 +429,15 @@ fn human(set: &Set, report: &Report) -> String {
         "{}: {} touches of {} features, {} steps by {} from {} on, {} each\n",
         set.name, report.touches, report.features, report.steps, report.aligned_by, report.first, report.step
     );
-    if report.frames_left_out > 0 {
+    if report.frames_left_out > 0
+        && let Some(shortest) = set.touches.iter().min_by_key(|touch| touch.at.len())
+    {
         let _ = writeln!(
             text,
-            "  {} frames outside the steps that all touches have are left out",
-            report.frames_left_out
+            "  {} frames outside the steps that all touches have are left out; the shortest, {}, has {}",
+            report.frames_left_out,
+            shortest.name,
+            plural(shortest.at.len(), "frame")
         );
     }
     let kept: f64 = report.explained_variance.iter().sum();
