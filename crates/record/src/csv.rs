@@ -13,6 +13,8 @@ use std::path::Path;
 const BYTE_ORDER_MARK: &[u8] = "\u{feff}".as_bytes();
 /// Bytes that one line may have: 20 for each of 200,000 numbers.
 const LINE_BYTES: u64 = 4 << 20;
+/// How it is said that a cell is text.
+const NO_NUMBER: &str = "which is not a number";
 /// Columns that a line may have: three axes of as many taxels as a hand can have, and room for times and joints.
 const MAX_COLUMNS: usize = 200_000;
 
@@ -23,10 +25,13 @@ const MAX_COLUMNS: usize = 200_000;
 /// value that is not there, but for one that a separator at the end of a line leaves behind the last column. Columns called
 /// `{board}B{taxel}X`, `..Y`, `..Z`, with or without a leading `{finger}F` (docs/protocols.md, "uSkin on a hand"), are raw
 /// counts: taxels are numbered by finger, board and taxel, whatever the order of the columns. Columns called `J{n}`,
-/// `joint{n}` or `joint_{n}` are joint angles, radians, in the order of their numbers. A first column called `time` or `t`
-/// is time in seconds, as [`Recording::unitless_time`](crate::Recording::unitless_time) tells; the suffixes `_s`, `_ms`,
-/// `_us` and `_ns` say which unit it is. Any other header, and none, leaves plain
-/// numbers, of which the last may be joint angles by [`ReadOptions::joint_columns`].
+/// `joint{n}` or `joint_{n}` are joint angles, radians, in the order of their numbers. The first column called `time`,
+/// `timestamp` or `elapsed`, or a first one called `t`, is time in seconds, as
+/// [`Recording::unitless_time`](crate::Recording::unitless_time) tells; the suffixes `_s`, `_ms`, `_us` and `_ns` say which
+/// unit it is. Other columns of time, and those that count frames, are left out
+/// ([`Recording::left_out_columns`](crate::Recording::left_out_columns)). Names that are in threes x, y and z of a taxel, as
+/// `txl1_x`, `Bx1` or `x_1`, are raw counts, too, of taxels in the order of the columns. Any other header, and none, leaves
+/// plain numbers, of which the last may be joint angles by [`ReadOptions::joint_columns`].
 pub(crate) fn read(path: &Path, options: &ReadOptions) -> Result<Table, RecordError> {
     let io_error = RecordError::io(path);
     let mut file = BufReader::new(File::open(path).map_err(&io_error)?);
@@ -40,6 +45,10 @@ pub(crate) fn read(path: &Path, options: &ReadOptions) -> Result<Table, RecordEr
     while lines.read()? {
         let refuse = |reason| unreadable(path, lines.number, reason);
         let record = &mut lines.record;
+        // What tells spreadsheets how columns are separated.
+        if is_first && record[0].starts_with(b"sep=") {
+            continue;
+        }
         let is_short = |columns| record.len() == columns + 1;
         if ends_with_separator(record) && frames.meaning.columns.is_none_or(is_short) {
             record.truncate(record.len() - 1);
@@ -48,7 +57,14 @@ pub(crate) fn read(path: &Path, options: &ReadOptions) -> Result<Table, RecordEr
             refuse_log_of_python_can(record, path).map_err(refuse)?;
             frames.meaning = LineColumns::of_header(record, options).map_err(refuse)?;
         } else {
-            frames.take(record).map_err(refuse)?;
+            frames.take(record).map_err(|reason| {
+                // As in a preamble, which is taken for the header.
+                let is_text = frames.is_behind_header() && reason.ends_with(NO_NUMBER);
+                refuse(match is_text {
+                    true => format!("{reason}; where the table begins further down, cut off what is before it (`tail -n +N`)"),
+                    false => reason,
+                })
+            })?;
         }
     }
     frames.table(path)
@@ -140,6 +156,11 @@ impl Frames {
         }
     }
 
+    /// Whether there was a header and nothing else.
+    fn is_behind_header(&self) -> bool {
+        self.frames == 0 && self.meaning.columns.is_some()
+    }
+
     /// Takes the numbers of a line.
     fn take(&mut self, record: &ByteRecord) -> Result<(), String> {
         self.row.clear();
@@ -193,6 +214,7 @@ impl Frames {
             void: None,
             without_value: None,
             unitless_time: meaning.unitless,
+            names: meaning.names,
         })
     }
 }
@@ -249,6 +271,17 @@ fn is_header(record: &ByteRecord) -> bool {
     let mut cells = record.iter().map(cell);
     let first = cells.find(|cell| *cell != Ok(""));
     first.is_some_and(|cell| cell.is_ok_and(|cell| cell.parse::<f64>().is_err()))
+        || are_numbers_of_columns(record)
+}
+
+/// Whether it is how pandas names columns that have no names: nothing, 0, 1, 2, ...
+fn are_numbers_of_columns(record: &ByteRecord) -> bool {
+    let mut cells = record.iter().map(cell);
+    let begins_empty = record.len() > 2 && cells.next() == Some(Ok(""));
+    begins_empty
+        && cells
+            .enumerate()
+            .all(|(number, cell)| cell.is_ok_and(|cell| cell == number.to_string()))
 }
 
 /// Refuses the header of python-can's `CSVWriter`, `can/io/csv.py`.
@@ -271,11 +304,14 @@ fn number(column: usize, bytes: &[u8]) -> Result<f64, String> {
         return Ok(f64::NAN);
     }
     text.parse().map_err(|_| {
-        let advice = match text.contains(',') {
-            true => "; decimals are written with a point",
-            false => "",
+        let advice = match text.as_bytes() {
+            [a, b, c, d, b'-', ..] if [a, b, c, d].iter().all(|digit| digit.is_ascii_digit()) => {
+                ", but a date; times are numbers: in pandas t = pandas.to_datetime(df.NAME); df.NAME = (t - t[0]).dt.total_seconds()"
+            }
+            _ if text.contains(',') => "; decimals are written with a point",
+            _ => "",
         };
-        format!("column {} is {text:?}, which is not a number{advice}", column + 1)
+        format!("column {} is {text:?}, {NO_NUMBER}{advice}", column + 1)
     })
 }
 

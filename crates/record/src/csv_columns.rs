@@ -1,6 +1,6 @@
 //! What the columns of a csv file are.
 
-use crate::table::{ReadOptions, TimeUnit};
+use crate::table::{ColumnNames, ReadOptions, TimeUnit};
 use csv::ByteRecord;
 use std::collections::BTreeMap;
 
@@ -13,6 +13,8 @@ pub(crate) struct LineColumns {
     pub(crate) time: Option<(usize, TimeUnit)>,
     /// What that column is called, where the name says no unit.
     pub(crate) unitless: Option<String>,
+    /// What the header calls them.
+    pub(crate) names: ColumnNames,
     kind: Kind,
     resolved: Option<Places>,
 }
@@ -42,6 +44,7 @@ impl LineColumns {
             columns: None,
             time: options.time_column.map(|unit| (0, unit)),
             unitless: None,
+            names: ColumnNames::default(),
             kind: Kind::Plain {
                 joints: options.joint_columns,
             },
@@ -52,13 +55,20 @@ impl LineColumns {
     /// By the names of a header.
     pub(crate) fn of_header(record: &ByteRecord, options: &ReadOptions) -> Result<Self, String> {
         let names = record.iter().map(cell).collect::<Result<Vec<&str>, String>>()?;
-        let time = options
-            .time_column
-            .or_else(|| time_unit(names[0]))
-            .map(|unit| (0, unit));
-        let is_unitless = options.time_column.is_none() && is_unitless(names[0]);
-        let rest = usize::from(time.is_some())..names.len();
-        let named = |column: &usize| names[*column];
+        let Split {
+            counters,
+            times,
+            rest,
+        } = Split::of(&names, options);
+        let time = times.first().copied().and_then(|column| {
+            let unit = options.time_column.or_else(|| column_time(column, names[column]));
+            Some((column, unit?))
+        });
+        let unitless = time
+            .map(|(column, _)| names[column])
+            .filter(|name| options.time_column.is_none() && (is_unitless(name) || is_elapsed(name)));
+        let mut left_out: Vec<usize> = counters.into_iter().chain(times.into_iter().skip(1)).collect();
+        left_out.sort_unstable();
         let mut joints: BTreeMap<u32, usize> = BTreeMap::new();
         let mut skin = Vec::new();
         for column in rest {
@@ -76,32 +86,41 @@ impl LineColumns {
         if !joints.is_empty() && options.joint_columns > 0 {
             return Err("the header names the joints' columns; leave --joint-columns out".into());
         }
-        let joints: Vec<usize> = joints.into_values().collect();
-        let axes: Vec<Option<Axis>> = skin.iter().map(|column| Axis::of_name(named(column))).collect();
-        let kind = if axes.iter().any(Option::is_some) {
-            if options.columns.is_some() {
-                return Err("the header names each column's taxel and axis; leave --columns out".into());
-            }
-            let kept = skin.len().saturating_sub(options.joint_columns);
-            let values = counts(&skin[..kept], &axes[..kept], &names)?;
-            let joints = if options.joint_columns > 0 {
-                skin[kept..].to_vec()
-            } else {
-                joints
-            };
-            Kind::Counts(Places { values, joints })
-        } else if joints.is_empty() {
-            Kind::Plain {
-                joints: options.joint_columns,
-            }
-        } else {
-            Kind::Named(Places { values: skin, joints })
+        let mut joints: Vec<usize> = joints.into_values().collect();
+        if options.joint_columns > 0 {
+            let kept = skin
+                .len()
+                .checked_sub(options.joint_columns)
+                .filter(|kept| *kept > 0);
+            joints = skin.split_off(kept.ok_or_else(|| no_taxel(names.len(), options.joint_columns))?);
+        }
+        let axes: Vec<Option<Axis>> = skin.iter().map(|column| Axis::of_name(names[*column])).collect();
+        let are_of_boards = axes.iter().any(Option::is_some);
+        if are_of_boards && options.columns.is_some() {
+            return Err("the header names each column's taxel and axis; leave --columns out".into());
+        }
+        let counts = match (are_of_boards, options.columns) {
+            (true, _) => Some(counts(&skin, &axes, &names)?),
+            (false, None) => named_axes(&skin, &names)?,
+            (false, Some(_)) => None,
         };
+        let are_counts = counts.is_some();
+        let values = counts.unwrap_or(skin);
+        let named = |columns: &[usize]| columns.iter().map(|column| names[*column].to_owned()).collect();
+        let names_of_columns = ColumnNames {
+            values: named(&values),
+            left_out: named(&left_out),
+        };
+        let places = Places { values, joints };
         Ok(Self {
             columns: Some(names.len()),
             time,
-            unitless: is_unitless.then(|| names[0].to_owned()),
-            kind,
+            unitless: unitless.map(str::to_owned),
+            names: names_of_columns,
+            kind: match are_counts {
+                true => Kind::Counts(places),
+                false => Kind::Named(places),
+            },
             resolved: None,
         })
     }
@@ -119,9 +138,7 @@ impl LineColumns {
                 Kind::Named(places) | Kind::Counts(places) => places.clone(),
                 Kind::Plain { joints } => {
                     let end = columns.checked_sub(*joints).filter(|end| *end > first);
-                    let end = end.ok_or_else(|| {
-                        format!("{columns} columns, of which {joints} are joint angles (--joint-columns); there is no taxel")
-                    })?;
+                    let end = end.ok_or_else(|| no_taxel(columns, *joints))?;
                     Places {
                         values: (first..end).collect(),
                         joints: (end..columns).collect(),
@@ -133,6 +150,40 @@ impl LineColumns {
         places
             .filter(|p| !p.values.is_empty())
             .ok_or_else(|| "no column of a taxel".into())
+    }
+}
+
+/// The columns of a header.
+struct Split {
+    /// Those that count frames.
+    counters: Vec<usize>,
+    /// Those of times.
+    times: Vec<usize>,
+    rest: Vec<usize>,
+}
+
+impl Split {
+    fn of(names: &[&str], options: &ReadOptions) -> Self {
+        let is_time = |column: &usize| column_time(*column, names[*column]).is_some();
+        // Where no name is of time, the first is, if that is said.
+        let says_first = options.time_column.is_some() && !(0..names.len()).any(|column| is_time(&column));
+        // Beside another finger, index is one.
+        let fingers = ["thumb", "middle", "ring"];
+        let is_of_fingers = names
+            .iter()
+            .any(|name| fingers.contains(&name.to_ascii_lowercase().as_str()));
+        let (counters, rest): (_, Vec<usize>) = (0..names.len()).partition(|&column| {
+            let is_said = says_first && column == 0 && !names[0].is_empty();
+            let is_finger = is_of_fingers && names[column].eq_ignore_ascii_case("index");
+            is_counter(column, names[column]) && !is_said && !is_finger
+        });
+        let first = rest.first().copied().filter(|_| says_first);
+        let (times, rest) = (rest.into_iter()).partition(|column| is_time(column) || Some(*column) == first);
+        Self {
+            counters,
+            times,
+            rest,
+        }
     }
 }
 
@@ -157,6 +208,76 @@ fn counts(skin: &[usize], axes: &[Option<Axis>], names: &[&str]) -> Result<Vec<u
         }
     }
     Ok(order)
+}
+
+/// The columns of names that are in threes x, y and z of a taxel, such as `txl1_x` or `Bx1`, in the order of their first ones;
+/// none where no three are.
+fn named_axes(skin: &[usize], names: &[&str]) -> Result<Option<Vec<usize>>, String> {
+    let mut taxels: Vec<(String, [Option<usize>; 3])> = Vec::new();
+    for &column in skin {
+        let Some((of, axis)) = axis_of(names[column]) else {
+            continue;
+        };
+        let known = taxels.iter().position(|(known, _)| *known == of);
+        let place = known.unwrap_or_else(|| {
+            taxels.push((of, [None; 3]));
+            taxels.len() - 1
+        });
+        taxels[place].1[axis].get_or_insert(column);
+    }
+    let whole = taxels.into_iter().filter_map(|(_, [x, y, z])| Some([x?, y?, z?]));
+    let order: Vec<usize> = whole.flatten().collect();
+    let Some(first) = order.first() else {
+        return Ok(None);
+    };
+    match skin.iter().find(|column| !order.contains(column)) {
+        None => Ok(Some(order)),
+        Some(other) => Err(format!(
+            "column {:?} is neither x, y nor z of a taxel, as {:?} is; cut it out, and all others like it",
+            names[*other], names[*first]
+        )),
+    }
+}
+
+/// What a column of this name is an axis of, and of the axes which.
+fn axis_of(name: &str) -> Option<(String, usize)> {
+    let name = name.to_ascii_lowercase();
+    let head = name.trim_end_matches(|c: char| c.is_ascii_digit() || c == '_');
+    let axis = "xyz".find(head.chars().last()?)?;
+    Some((
+        format!("{} {}", &head[..head.len() - 1], &name[head.len()..]),
+        axis,
+    ))
+}
+
+/// Whether a column says by its name that it is time, and in which unit. A `t` is time where it is the first, and may else be a
+/// taxel.
+fn column_time(column: usize, name: &str) -> Option<TimeUnit> {
+    let unit = time_unit(name).or(is_elapsed(name).then_some(TimeUnit::S));
+    unit.filter(|_| column == 0 || !name.eq_ignore_ascii_case("t"))
+}
+
+fn is_elapsed(name: &str) -> bool {
+    name.eq_ignore_ascii_case("elapsed")
+}
+
+/// Whether a column of this name counts frames: pandas writes one without a name first.
+fn is_counter(column: usize, name: &str) -> bool {
+    const NAMES: [&str; 8] = [
+        "index",
+        "unnamed: 0",
+        "frame",
+        "frame_index",
+        "frame_id",
+        "frame_number",
+        "seq",
+        "sequence",
+    ];
+    (column == 0 && name.is_empty()) || NAMES.contains(&name.to_ascii_lowercase().as_str())
+}
+
+fn no_taxel(columns: usize, joints: usize) -> String {
+    format!("{columns} columns, of which {joints} are joint angles (--joint-columns); there is no taxel")
 }
 
 /// Names that say that a column is time, and not in which unit: seconds.

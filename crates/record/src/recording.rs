@@ -3,7 +3,7 @@
 use crate::error::RecordError;
 use crate::idle;
 use crate::meaning::Meaning;
-use crate::table::{Columns, DEFAULT_RATE_HZ, ReadOptions, Table, Void};
+use crate::table::{ColumnNames, Columns, DEFAULT_RATE_HZ, ReadOptions, Table, Void};
 
 /// Raw counts x, y, z of a taxel; none where it had no value of that time.
 pub type TaxelCounts = Option<[u16; 3]>;
@@ -31,6 +31,7 @@ pub struct Recording {
     joints: Option<Vec<f32>>,
     rate_hz: f64,
     unitless_time: Option<String>,
+    names: Box<ColumnNames>,
 }
 
 impl Recording {
@@ -46,6 +47,7 @@ impl Recording {
             void,
             without_value,
             unitless_time,
+            names,
         } = table;
         let Meaning {
             taxels,
@@ -60,7 +62,7 @@ impl Recording {
                 return Err(RecordError::unfit(at, holds));
             }
             Some(columns) => {
-                let mut counts = counts_of_columns(&at, taxels, columns, &values)?;
+                let mut counts = counts_of_columns(&at, taxels, columns, shape.len() == 2, &values)?;
                 without_value.for_each(|(cell, _)| counts[cell] = None);
                 (Frames::Counts(counts), None)
             }
@@ -106,6 +108,7 @@ impl Recording {
             joints,
             rate_hz,
             unitless_time: unitless_time.filter(|_| options.rate_hz.is_none()),
+            names: Box::new(names),
         })
     }
 
@@ -142,6 +145,7 @@ impl Recording {
             joints: Some(joints).filter(|joints| !joints.is_empty()),
             rate_hz: DEFAULT_RATE_HZ,
             unitless_time: None,
+            names: Box::default(),
         })
     }
 
@@ -193,6 +197,23 @@ impl Recording {
     /// The name of the column of times, where it says no unit and seconds were taken.
     pub fn unitless_time(&self) -> Option<&str> {
         self.unitless_time.as_deref()
+    }
+
+    /// The names of the columns that are values, in the order of a frame's; empty where the file names none.
+    pub fn column_names(&self) -> &[String] {
+        &self.names.values
+    }
+
+    /// Whether columns are named as XELA's server names them, which numbers the taxels of a module row by row.
+    pub fn is_of_xela(&self) -> bool {
+        self.column_names()
+            .first()
+            .is_some_and(|first| first.starts_with("txl"))
+    }
+
+    /// The names of the columns that are neither values, joint angles nor the time of a frame, and so left out.
+    pub fn left_out_columns(&self) -> &[String] {
+        &self.names.left_out
     }
 
     /// Time of frame `index`, nanoseconds: as recorded, or `index` divided by the rate.
@@ -320,10 +341,12 @@ fn magnitudes(
     Err(RecordError::unreadable(at, reason))
 }
 
+/// The counts of frames that have three columns for each taxel, or with `is_flat` false are of that shape.
 fn counts_of_columns(
     at: &str,
     taxels: usize,
     columns: Columns,
+    is_flat: bool,
     values: &[f64],
 ) -> Result<Vec<TaxelCounts>, RecordError> {
     let mut counts = Vec::with_capacity(values.len() / 3);
@@ -340,7 +363,7 @@ fn counts_of_columns(
             let mut xyz = [0; 3];
             for (count, column) in xyz.iter_mut().zip(places) {
                 *count = count_of(row[column]).ok_or_else(|| {
-                    RecordError::unreadable(at, no_count(frame, taxels, column, row[column]))
+                    RecordError::unreadable(at, no_count(frame, taxels, is_flat, column, row[column]))
                 })?;
             }
             counts.push(Some(xyz));
@@ -350,15 +373,19 @@ fn counts_of_columns(
 }
 
 /// Why a value cannot be a count.
-fn no_count(frame: usize, taxels: usize, column: usize, value: f64) -> String {
+fn no_count(frame: usize, taxels: usize, is_flat: bool, column: usize, value: f64) -> String {
     let because = match value.is_nan() {
         true => "; a taxel without a value has none on all three axes",
         false => "",
     };
+    let or_else = match is_flat {
+        true => String::new(),
+        false => format!("; magnitudes of {taxels} x 3 cells are told by --layout grid:{taxels}x3"),
+    };
     format!(
         "frame {frame}, value {column} is {value}; a raw count is a whole number from 0 to 65535{because}. Of forces \
-         on three axes give the norms, numpy.linalg.norm(a, axis=-1); magnitudes of {taxels} x 3 cells are told by \
-         --layout grid:{taxels}x3"
+         on three axes give the norms, numpy.linalg.norm(a, axis=-1); what is not 0 at rest, as magnetic fields, as whole \
+         numbers, numpy.round(10 * a) + 32768{or_else}"
     )
 }
 

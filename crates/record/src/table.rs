@@ -22,7 +22,7 @@ pub struct ReadOptions {
     pub image: Option<(usize, usize)>,
     /// Which cells of the frames are no taxels.
     pub void: Option<Void>,
-    /// Says that the first column of a csv file without a header is time, in this unit.
+    /// Says that a csv file's column of that name, or else its first, is time, in this unit.
     pub time_column: Option<TimeUnit>,
     /// How many of the last columns of a csv file whose header does not name them are joint angles, radians.
     pub joint_columns: usize,
@@ -61,6 +61,15 @@ pub enum TimeUnit {
     Ns,
 }
 
+/// What the columns of a file are called; none where it has no names.
+#[derive(Debug, Clone, Default, PartialEq)]
+pub(crate) struct ColumnNames {
+    /// Those that are values, in the order of a frame's.
+    pub(crate) values: Vec<String>,
+    /// Those that are neither values, joint angles nor the time of a frame.
+    pub(crate) left_out: Vec<String>,
+}
+
 /// A file's numbers before it is decided what they mean: row-major, with the file's own shape.
 pub(crate) struct Table {
     pub(crate) at: String,
@@ -73,6 +82,8 @@ pub(crate) struct Table {
     pub(crate) columns: Option<Columns>,
     /// The name of the time column, where it says no unit.
     pub(crate) unitless_time: Option<String>,
+    /// What its columns are called.
+    pub(crate) names: ColumnNames,
     /// Which cells of a frame are no taxels, where the file says so.
     pub(crate) void: Option<Vec<bool>>,
     /// Which cells of every frame have no value, where the file says so besides.

@@ -39,8 +39,8 @@ pub(crate) struct InputArgs {
     /// Frames per second, in place of the times in the file [default: its times; 30 where there are none]
     #[arg(long, value_name = "HZ", value_parser = number("rate of frames", RATES_HZ))]
     rate: Option<f64>,
-    /// The first column of a .csv is time, in this unit: s, ms, us or ns; needed where no header calls it t_s, t_ms, t_us or
-    /// t_ns
+    /// The first column of a .csv, or the one that its header calls time, is in this unit: s, ms, us or ns; needed where no
+    /// header calls it t_s, t_ms, t_us or t_ns
     #[arg(long, value_name = "UNIT")]
     time_column: Option<TimeUnit>,
     /// Places the taxels: a built-in hand (allegro-uskin-15, uskin-module), grid:HxW, or a layout file, - for stdin
@@ -138,7 +138,31 @@ impl InputArgs {
                 path.display()
             );
         }
+        self.tell_columns(&recording);
         Ok(Input::Frames(recording))
+    }
+
+    /// Says what of its columns is taken otherwise than it may be meant.
+    fn tell_columns(&self, recording: &Recording) {
+        let name = recording.name();
+        let left_out = recording.left_out_columns().iter();
+        let left_out: Vec<String> = left_out.map(|column| format!("{column:?}")).collect();
+        if !left_out.is_empty() {
+            remark!(
+                "taxel: {name}: left out, since no taxels: column {}",
+                left_out.join(", ")
+            );
+        }
+        if recording.is_of_xela() && self.layout.as_deref() == Some("uskin-module") {
+            remark!(
+                "taxel: {name}: XELA's server, whose names these are, numbers taxels row by row, --layout grid:4x4; uskin-module \
+                 takes them for the chips of a board"
+            );
+        }
+        let angle = (0..recording.len()).flat_map(|index| recording.joints(index).iter().enumerate());
+        if let Some((joint, angle)) = angle.into_iter().find(|(_, angle)| angle.abs() > LARGEST_ANGLE) {
+            remark!("taxel: {name}: the angle of joint {joint} is {angle}; angles are radians");
+        }
     }
 
     /// Whether it is a table, whose last columns can be joint angles.
@@ -263,6 +287,9 @@ impl InputArgs {
             .context("--layout")
     }
 }
+
+/// What no joint of a hand turns by, radians: two turns.
+const LARGEST_ANGLE: f32 = 4.0 * std::f32::consts::PI;
 
 /// Times in a recording that an option may name, seconds.
 pub(crate) const TIMES_S: RangeInclusive<f64> = 0.0..=1e9;

@@ -36,7 +36,10 @@ pub(crate) fn recorded_taxels(
             "{name} has {taxels} taxels and layout {} has {}; {}",
             layout.name,
             layout.len(),
-            if layout.modules.iter().all(|m| usize::from(m.taxels) == taxels) {
+            if recording.is_of_xela() {
+                "XELA's server, whose names these are, numbers the taxels of a module row by row: --layout grid:4x4, grid:4x6 \
+                 or another grid:HxW"
+            } else if layout.modules.iter().all(|m| usize::from(m.taxels) == taxels) {
                 "repeat it on every module with --tile, or use --layout uskin-module"
             } else {
                 "name the hand it was recorded on with --layout, or grid:HxW; magnitudes of T x H x 3 cells are told by \

@@ -263,3 +263,90 @@ fn errors_name_the_line() {
     let message = Recording::open(&path, &none).unwrap_err().to_string();
     assert!(message.contains(":2: not UTF-8"), "{message}");
 }
+
+#[test]
+fn columns_that_are_no_taxels_are_left_out_and_told() {
+    let none = ReadOptions::default();
+    let seconds = ReadOptions {
+        time_column: Some(TimeUnit::S),
+        ..Default::default()
+    };
+    for (text, options, left_out) in [
+        (",timestamp,a,b\n0,0.5,1,2\n1,1.5,3,4\n", &none, &[""][..]),
+        (
+            "timestamp,elapsed,frame_index,a,b\n0.5,0,7,1,2\n1.5,1,8,3,4\n",
+            &none,
+            &["elapsed", "frame_index"],
+        ),
+        ("frame,a,b,t_ms\n7,1,2,500\n8,3,4,1500\n", &none, &["frame"]),
+        (
+            "sep=;\r\nseq;time;a;b\r\n7;0.5;1;2\r\n8;1.5;3;4\r\n",
+            &none,
+            &["seq"],
+        ),
+        (",clock,a,b\n0,0.5,1,2\n1,1.5,3,4\n", &seconds, &[""]),
+        ("frame,a,b\n0.5,1,2\n1.5,3,4\n", &seconds, &[]),
+    ] {
+        let recording = read_text(text, options).unwrap();
+        assert_eq!(recording.magnitudes(1).unwrap(), [3.0, 4.0], "{text:?}");
+        assert_eq!(recording.left_out_columns(), left_out, "{text:?}");
+        assert_eq!(recording.column_names(), ["a", "b"], "{text:?}");
+        assert_eq!(recording.t_ns(1), 1_500_000_000, "{text:?}");
+    }
+    // What pandas calls columns without names.
+    let recording = read_text(",0,1,2\n0,7,8,9\n", &none).unwrap();
+    assert_eq!(recording.magnitudes(0).unwrap(), [7.0, 8.0, 9.0]);
+    let recording = read_text("index,middle,ring,thumb\n7,8,9,10\n", &none).unwrap();
+    assert_eq!(recording.magnitudes(0).unwrap(), [7.0, 8.0, 9.0, 10.0]);
+    // A taxel may be called t.
+    let recording = read_text("s,t,u\n7,8,9\n", &none).unwrap();
+    assert_eq!(recording.magnitudes(0).unwrap(), [7.0, 8.0, 9.0]);
+    for (text, wanted) in [
+        (
+            "t,a\n2025-11-20 17:00:00.01,1\n",
+            "but a date; times are numbers: in pandas",
+        ),
+        (
+            "made by,me\nt_s,a\n0,1\n",
+            "cut off what is before it (`tail -n +N`)",
+        ),
+    ] {
+        let message = read_text(text, &none).unwrap_err();
+        assert!(message.contains(wanted), "{message}");
+    }
+}
+
+#[test]
+fn names_that_end_in_axes_are_counts() {
+    let none = ReadOptions::default();
+    for text in [
+        "txl1_x,txl1_y,txl1_z,txl2_x,txl2_y,txl2_z\n1,2,3,4,5,6\n",
+        "t_s,x1,x2,y1,y2,z1,z2,J0\n0,1,4,2,5,3,6,0.5\n",
+        ",Bx0,By0,Bz0,Bx1,By1,Bz1\n0,1,2,3,4,5,6\n",
+    ] {
+        let recording = read_text(text, &none).unwrap();
+        assert_eq!(
+            recording.counts(0).unwrap(),
+            [[1, 2, 3], [4, 5, 6]].map(Some),
+            "{text}"
+        );
+    }
+    let blocks = ReadOptions {
+        columns: Some(Columns::XyzBlocks),
+        ..Default::default()
+    };
+    let recording = read_text("ax,ay,az,bx,by,bz\n1,2,3,4,5,6\n", &blocks).unwrap();
+    assert_eq!(recording.counts(0).unwrap(), [[1, 3, 5], [2, 4, 6]].map(Some));
+    // Two of three are no axes.
+    assert!(!read_text("x,y,strip1\n1,2,3\n", &none).unwrap().has_counts());
+    for (text, wanted) in [
+        (
+            "X,Y,Z,strip1\n1,2,3,4\n",
+            ":1: column \"strip1\" is neither x, y nor z of a taxel, as \"X\" is; cut it out",
+        ),
+        ("Bx0,By0,Bz0\n0.5,-3,4\n", "numpy.round(10 * a) + 32768"),
+    ] {
+        let message = read_text(text, &none).unwrap_err();
+        assert!(message.contains(wanted), "{message}");
+    }
+}

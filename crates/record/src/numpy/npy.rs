@@ -3,7 +3,7 @@
 use crate::error::{RecordError, SOMETHING, show_shape};
 use crate::meaning::Meaning;
 use crate::npy_header::Header;
-use crate::table::{ReadOptions, Table};
+use crate::table::{ColumnNames, ReadOptions, Table};
 use std::fs::File;
 use std::io::{BufReader, Read};
 use std::path::Path;
@@ -29,6 +29,7 @@ pub(crate) fn read(path: &Path, options: &ReadOptions) -> Result<Table, RecordEr
         joints: None,
         columns: None,
         unitless_time: None,
+        names: ColumnNames::default(),
         void: None,
         without_value: None,
     })

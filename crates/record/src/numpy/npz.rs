@@ -4,7 +4,7 @@ use crate::csv_columns::{is_unitless, time_unit};
 use crate::error::{RecordError, show_shape};
 use crate::meaning::Meaning;
 use crate::npy::Array;
-use crate::table::{ReadOptions, Table, TimeUnit, Void};
+use crate::table::{ColumnNames, ReadOptions, Table, TimeUnit, Void};
 use std::fs::File;
 use std::io::{BufReader, Read};
 use std::path::Path;
@@ -87,6 +87,7 @@ pub(crate) fn read(path: &Path, options: &ReadOptions) -> Result<Table, RecordEr
         joints: joints.map(|angles| angles.into_iter().map(|angle| angle as f32).collect()),
         columns: None,
         unitless_time: None,
+        names: ColumnNames::default(),
         void,
         without_value,
     })

@@ -10,6 +10,7 @@ fn table(shape: &[usize], values: Vec<f64>) -> Table {
         joints: None,
         columns: None,
         unitless_time: None,
+        names: ColumnNames::default(),
         void: None,
         without_value: None,
     }
