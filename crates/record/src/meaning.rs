@@ -38,8 +38,13 @@ impl Meaning {
         let of_image = |h: usize, w: usize, counts: Option<Columns>| {
             if let Some((height, width)) = options.image.filter(|image| *image != (h, w)) {
                 let axes = if counts.is_some() { " x 3" } else { "" };
-                let expected =
-                    format!("T x {height} x {width}{axes}, as the layout grid:{height}x{width} has it");
+                let order = match shape[..2] == [height, width] {
+                    true => "; time is the first axis: numpy.moveaxis(a, -1, 0)",
+                    false => "",
+                };
+                let expected = format!(
+                    "T x {height} x {width}{axes}, as the layout grid:{height}x{width} has it{order}"
+                );
                 return Err(wrong_shape(&expected));
             }
             let taxels = h.checked_mul(w).filter(|taxels| *taxels <= MAX_TAXELS);

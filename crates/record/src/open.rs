@@ -42,6 +42,9 @@ impl Recording {
                     path.with_extension("npz").display()
                 ));
             }
+            None if path.is_dir() => {
+                return refused("a folder; a recording is a file in it".into());
+            }
             None => {
                 let extension = path.extension().and_then(|e| e.to_str()).unwrap_or("");
                 let other = extension.to_ascii_lowercase();
@@ -49,7 +52,10 @@ impl Recording {
                     "" => "nothing".into(),
                     other => format!(".{other}"),
                 };
-                let how = made_of(&other, path).map_or_else(String::new, |how| format!("; {how}"));
+                let how = made_of(&other, path).map_or_else(
+                    || "; for others see docs/recordings.md, \"Other formats\"".into(),
+                    |how| format!("; {how}"),
+                );
                 return refused(format!(
                     "a recording ends in .npy, .npz or .csv (tactile frames), .log (candump) or .mcap (`taxel record`), \
                      not {found}{how}"
@@ -80,7 +86,9 @@ fn made_of(extension: &str, path: &Path) -> Option<String> {
         "xz" => unpacked("xzcat"),
         "zst" => unpacked("zstdcat"),
         "mat" => Some(
-            "save the array in Python: numpy.save(\"frames.npy\", scipy.io.loadmat(..)[\"NAME\"])".into(),
+            "save the array in Python, time first: numpy.save(\"frames.npy\", scipy.io.loadmat(..)[\"NAME\"]), with \
+             numpy.moveaxis(.., -1, 0) where time is its last axis"
+                .into(),
         ),
         "parquet" => {
             Some("pandas.read_parquet(..).to_csv(\"grasp.csv\", index=False) makes a .csv of it".into())
@@ -123,6 +131,7 @@ mod tests {
             assert!(error.to_string().contains(how), "{error}");
         }
         let error = Recording::open(Path::new("grasp.bag"), &ReadOptions::default()).unwrap_err();
-        assert!(error.to_string().ends_with("not .bag"), "{error}");
+        let told = "not .bag; for others see docs/recordings.md, \"Other formats\"";
+        assert!(error.to_string().ends_with(told), "{error}");
     }
 }

@@ -3,6 +3,7 @@
 pub(crate) mod frame_output;
 pub(crate) mod held_to_the_end;
 pub(crate) mod input;
+pub(crate) mod magnitudes;
 pub(crate) mod marks_file;
 pub(crate) mod offline;
 pub(crate) mod out_of_use;

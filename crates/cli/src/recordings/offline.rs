@@ -2,6 +2,7 @@
 
 use crate::held_to_the_end::HeldToTheEnd;
 use crate::input::{DEFAULT_LAYOUT, Input, InputArgs, number, pair};
+use crate::magnitudes;
 use crate::offered::offering;
 use crate::piped_file::text_parser;
 use crate::wrong_use;
@@ -290,23 +291,8 @@ impl OfflineArgs {
         if self.input.tile {
             bail!("--tile repeats the counts of one module; {name} holds magnitudes");
         }
-        if layout.len() != taxels && self.input.is_grid() {
-            bail!(
-                "{name} has {taxels} taxels, and {} x {} are {}; --layout grid:HxW names rows and columns whose product \
-                 is {taxels}{}",
-                layout.height,
-                layout.width,
-                layout.len(),
-                self.columns_hint(taxels, layout.len())
-            );
-        }
         if layout.len() != taxels {
-            bail!(
-                "{name} has {taxels} taxels and layout {} has {}; place them with --layout grid:HxW{}",
-                layout.name,
-                layout.len(),
-                self.columns_hint(taxels, layout.len())
-            );
+            return Err(magnitudes::of_another_size(recording, layout, &self.input));
         }
         let threshold = self.threshold.unwrap_or(0.0);
         let release = self.release.unwrap_or(threshold);
@@ -315,36 +301,8 @@ impl OfflineArgs {
                 "--release {release} is not within 0 and --threshold {threshold}"
             )));
         }
-        let frames = (0..recording.len()).filter_map(|index| recording.magnitudes(index));
-        let (least, greatest) = (frames.flatten())
-            .fold((f64::INFINITY, f64::NEG_INFINITY), |(least, greatest), value| {
-                (least.min(*value), greatest.max(*value))
-            });
-        if greatest < 0.0 {
-            remark!(
-                "taxel: {name}: every magnitude is below 0, the greatest is {greatest}; a force is from 0 on"
-            );
-        }
-        if self.input.idles() && -least > threshold.max(2.0 * greatest) {
-            remark!(
-                "taxel: {name}: values fall by up to {} below rest (--idle) and rise by up to {greatest}; where touch lowers \
-                 them, give them turned over, rest - value",
-                -least
-            );
-        }
+        magnitudes::tell(recording, threshold, self.input.idles());
         run_magnitudes(recording, [threshold, release], emit)
-    }
-
-    /// What numbers that are no magnitudes of this hand may be.
-    fn columns_hint(&self, columns: usize, taxels: usize) -> String {
-        match columns.checked_sub(3 * taxels) {
-            Some(joints @ 1..=64) if self.input.is_csv() => format!(
-                ", or say with --columns xyz-interleaved --joint-columns {joints} that they are x y z counts and {joints} \
-                 joint angles"
-            ),
-            _ if columns.is_multiple_of(3) => ", or say with --columns that they are x y z counts".into(),
-            _ => String::new(),
-        }
     }
 }
 

@@ -1,7 +1,7 @@
 //! What is said of a recording that is read otherwise than it was meant.
 
 use crate::{fails, succeeds};
-use ndarray::{Array2, Array3, Array4};
+use ndarray::{Array1, Array2, Array3, Array4};
 use ndarray_npy::write_npy;
 use tempfile::TempDir;
 
@@ -85,7 +85,143 @@ fn forces_on_three_axes_are_told_from_counts() {
     write_npy(dir.path().join("in.npy"), &Array4::from_elem((3, 2, 2, 3), -0.25)).unwrap();
     let err = fails(&dir, &["eval", "in.npy"], 1);
     assert!(
-        err.contains("Of forces on three axes give the norms, numpy.linalg.norm(a, axis=-1)"),
+        err.contains("Of forces on three axes give the norms, numpy.linalg.norm(a, axis=-1)")
+            && err.contains("magnetic fields, as whole numbers, numpy.round(10 * a) + 32768"),
         "{err}"
     );
+}
+
+/// What is said of `in.npy` of four taxels.
+fn said_of_four(dir: &TempDir, values: &Array2<f64>, options: &[&str]) -> String {
+    write_npy(dir.path().join("in.npy"), values).unwrap();
+    let args = ["compress", "in.npy", "--layout", "grid:2x2", "--out", "o.npz"];
+    succeeds(dir, &[&args, options].concat()).1
+}
+
+#[test]
+fn taxels_that_rest_at_a_level_are_told() {
+    let dir = TempDir::new().unwrap();
+    let resting = |level: &[f64; 4]| {
+        let level = Array1::from_iter(*level);
+        Array2::from_shape_fn((30, 4), |(t, n)| {
+            level[n] + if t > 20 && n == 1 { 50.0 } else { 0.0 }
+        })
+    };
+    let told =
+        "taxels are above the threshold of 0 in every frame; where taxels at rest are not 0, --idle 10";
+    let err = said_of_four(&dir, &resting(&[130.0, 140.0, 0.0, 150.0]), &[]);
+    assert!(err.contains(&format!("in.npy: 3 of 4 {told}")), "{err}");
+    for (level, options) in [
+        ([0.0; 4], &[][..]),
+        ([2.0, 1.0, 0.0, 0.0], &[]),
+        ([130.0; 4], &["--idle", "10"]),
+        ([130.0; 4], &["--threshold", "140"]),
+    ] {
+        let err = said_of_four(&dir, &resting(&level), options);
+        assert!(!err.contains("in every frame"), "{options:?}: {err}");
+    }
+}
+
+#[test]
+fn values_below_0_that_may_be_touch_are_told() {
+    let dir = TempDir::new().unwrap();
+    for (below, above, options, is_told) in [
+        (-1.5, 0.2, &["--threshold", "0.05"][..], true),
+        (-11.7, 9.2, &[], true),
+        (-0.5, 0.0, &[], true),
+        (-0.2, 1.5, &[], false),
+        (-0.2, 0.0, &["--threshold", "0.3"], false),
+    ] {
+        let values = Array2::from_shape_fn((30, 4), |(t, n)| match (t, n) {
+            (20.., 1) => below,
+            (20.., 2) => above,
+            _ => 0.0,
+        });
+        let err = said_of_four(&dir, &values, options);
+        let told = format!("values below 0, down to {below}, are no contact; where they are touch");
+        assert_eq!(err.contains(&told), is_told, "{below} {above}: {err}");
+    }
+}
+
+#[test]
+fn time_that_is_the_last_axis_is_told() {
+    let dir = TempDir::new().unwrap();
+    let write = |shape| write_npy(dir.path().join("in.npy"), &Array3::<f64>::zeros(shape)).unwrap();
+    let compress = ["compress", "in.npy", "--out", "o.npz"];
+    write((5, 7, 300));
+    let (_, err) = succeeds(&dir, &compress);
+    assert!(
+        err.contains("read as 5 frames of 7 x 300; time is the first axis: numpy.moveaxis(a, -1, 0)"),
+        "{err}"
+    );
+    let err = fails(&dir, &[&compress[..], &["--layout", "grid:5x7"]].concat(), 1);
+    assert!(err.contains("time is the first axis: numpy.moveaxis"), "{err}");
+    for shape in [(5, 7, 200), (100, 7, 300), (5, 1, 300)] {
+        write(shape);
+        let (_, err) = succeeds(&dir, &compress);
+        assert!(!err.contains("time is"), "{err}");
+    }
+    write_npy(dir.path().join("in.npy"), &Array2::<f64>::zeros((16, 300))).unwrap();
+    let err = fails(&dir, &[&compress[..], &["--layout", "grid:4x4"]].concat(), 1);
+    assert!(
+        err.contains("has 300 taxels, and 4 x 4 are 16, as many as there are frames; time is the first axis"),
+        "{err}"
+    );
+}
+
+#[test]
+fn columns_of_a_table_that_are_no_taxels_are_told() {
+    let dir = TempDir::new().unwrap();
+    let write = |text: &str| std::fs::write(dir.path().join("in.csv"), text).unwrap();
+    fn compress<'a>(options: &[&'a str]) -> Vec<&'a str> {
+        [&["compress", "in.csv", "--out", "o.npz", "--rate", "30"], options].concat()
+    }
+    write(",timestamp,a,b,c,d\n0,1.7e9,0,0,5,0\n1,1.8e9,0,0,5,0\n");
+    let (_, err) = succeeds(&dir, &compress(&["--layout", "grid:2x2"]));
+    assert!(
+        err.contains("in.csv: left out, since no taxels: column \"\"\n"),
+        "{err}"
+    );
+    let err = fails(&dir, &compress(&["--layout", "grid:2x3"]), 1);
+    assert!(
+        err.contains("has 4 taxels (\"a\" to \"d\"), and 2 x 3 are 6"),
+        "{err}"
+    );
+    let numbers = |count: usize| vec!["7"; count].join(",");
+    write(&format!("{}\n{0}\n", numbers(48)));
+    let err = fails(&dir, &compress(&["--layout", "uskin-module"]), 1);
+    assert!(
+        err.contains("has 48 taxels and layout uskin-module has 16, a third; say with --columns"),
+        "{err}"
+    );
+    let names: Vec<String> = (1..=16)
+        .flat_map(|taxel| ["x", "y", "z"].map(|axis| format!("txl{taxel}_{axis}")))
+        .collect();
+    write(&format!("{}\n{}\n", names.join(","), numbers(48)));
+    let err = fails(&dir, &compress(&[]), 1);
+    assert!(
+        err.contains("has 16 taxels and") && err.contains("row by row: --layout grid:4x4"),
+        "{err}"
+    );
+    for (layout, is_told) in [("uskin-module", true), ("grid:4x4", false)] {
+        let (_, err) = succeeds(&dir, &compress(&["--layout", layout]));
+        let told = "XELA's server, whose names these are, numbers taxels row by row, --layout grid:4x4";
+        assert_eq!(err.contains(told), is_told, "{err}");
+    }
+}
+
+#[test]
+fn angles_that_are_no_radians_are_told() {
+    let dir = TempDir::new().unwrap();
+    for (angle, is_told) in [("1921", true), ("-90", true), ("3.2", false), ("", false)] {
+        std::fs::write(
+            dir.path().join("in.csv"),
+            format!("a,J0,b,J1\n0,0,0,{angle}\n0,0,0,{angle}\n"),
+        )
+        .unwrap();
+        let args = ["compress", "in.csv", "--layout", "grid:1x2", "--out", "o.npz"];
+        let (_, err) = succeeds(&dir, &args);
+        let told = format!("the angle of joint 1 is {angle}; angles are radians");
+        assert_eq!(err.contains(&told), is_told, "{err}");
+    }
 }
