@@ -13,16 +13,25 @@ const STEP_NS: u64 = 30_000_000;
 #[derive(Debug, Clone, Default)]
 pub(crate) struct History {
     frames: VecDeque<(u64, Vec<f32>)>,
+    /// The taxel that was the strongest one last.
+    touched: Option<usize>,
 }
 
 impl History {
-    pub(crate) fn see(&mut self, t_ns: u64, forces: impl ExactSizeIterator<Item = f32>) {
+    /// A frame, and its strongest taxel while anything is touched.
+    pub(crate) fn see(
+        &mut self,
+        t_ns: u64,
+        forces: impl ExactSizeIterator<Item = f32>,
+        strongest: Option<usize>,
+    ) {
         match self.frames.back() {
             // Another hand, or a recording from its start again.
-            Some((last_ns, last)) if t_ns < *last_ns || last.len() != forces.len() => self.frames.clear(),
+            Some((last_ns, last)) if t_ns < *last_ns || last.len() != forces.len() => *self = Self::default(),
             Some((last_ns, _)) if t_ns - last_ns < STEP_NS => return,
             _ => {}
         }
+        self.touched = strongest.or(self.touched);
         let most = (MOST_BYTES / 4 / forces.len().max(1)).max(1);
         let is_old = |(first_ns, _): &(u64, Vec<f32>)| t_ns - first_ns > KEPT_NS;
         let mut memory = Vec::new();
@@ -36,6 +45,11 @@ impl History {
         memory.clear();
         memory.extend(forces);
         self.frames.push_back((t_ns, memory));
+    }
+
+    /// The taxel that was the strongest one when something was touched last.
+    pub(crate) fn touched(&self) -> Option<usize> {
+        self.touched
     }
 
     /// Time before the newest frame, seconds, 0 or below, and force of a taxel, oldest first.
@@ -61,21 +75,21 @@ mod tests {
     fn what_is_older_than_is_kept_goes_and_a_restart_begins_anew() {
         let mut history = History::default();
         for frame in 0..1000u64 {
-            history.see(frame * 40_000_000, [frame as f32, 0.0].into_iter());
+            history.see(frame * 40_000_000, [frame as f32, 0.0].into_iter(), Some(0));
         }
         let past = history.of(0);
         assert_eq!(past.last(), Some(&(0.0, 999.0)));
         assert!((past[0].0 + 20.0).abs() < 0.05, "{:?}", past[0]);
         assert!(history.of(2).is_empty());
-        history.see(0, [7.0, 0.0].into_iter());
-        assert_eq!(history.of(0), [(0.0, 7.0)]);
+        history.see(0, [7.0, 0.0].into_iter(), None);
+        assert_eq!((history.of(0), history.touched()), (vec![(0.0, 7.0)], None));
     }
 
     #[test]
     fn a_huge_hand_keeps_less() {
         let mut history = History::default();
         for frame in 0..400u64 {
-            history.see(frame * 40_000_000, (0..16_000).map(|_| 0.0f32));
+            history.see(frame * 40_000_000, (0..16_000).map(|_| 0.0f32), None);
         }
         assert_eq!(history.of(0).len(), MOST_BYTES / 4 / 16_000);
     }

@@ -287,7 +287,7 @@ impl Seen {
             }
         }
         let forces = self.newest.taxels.iter().map(|taxel| taxel.raw.force);
-        self.history.see(header.t_ns, forces);
+        self.history.see(header.t_ns, forces, self.strongest());
     }
 
     /// Bits of one raw frame, and of what its image tells a display.
@@ -357,7 +357,9 @@ impl Seen {
             problems: self.problems(),
             recorded: hello.clock == Clock::Recording,
             traces: match screen.chosen.is_empty() {
-                true => cursor.into_iter().map(traced).collect(),
+                true => (cursor.or(self.history.touched()).into_iter())
+                    .map(traced)
+                    .collect(),
                 false => screen
                     .chosen
                     .iter()

@@ -2,9 +2,9 @@ use super::*;
 use crate::keys::Action;
 use crate::screen::Screen;
 use ratatui::crossterm::event::{KeyCode, KeyEvent, KeyModifiers};
-use taxel_hand::{Actuator, Method, TactileImage};
+use taxel_hand::{Actuator, ForceFrame, Method, TactileFrame, TactileImage};
 use taxel_skin::Layout;
-use taxel_wire::{HelloRate, encode_image_payload};
+use taxel_wire::{HelloRate, encode_image_payload, encode_raw_payload};
 
 const SECOND_NS: u64 = 1_000_000_000;
 
@@ -247,4 +247,37 @@ fn a_summary_says_where_nobody_has_looked_for_problems() {
     recorded.see_hello(&Hello { clock, ..hello() }, 0);
     let unlooked = "problems   not looked for in a recording";
     assert_eq!(problems(&recorded).as_deref(), Some(unlooked));
+}
+
+/// A raw frame of the hand at so many seconds, with one taxel touched or none.
+fn see_touch(seen: &mut Seen, second: u64, touched: Option<usize>) {
+    let taxels = seen.hand().unwrap().len();
+    let (mut tactile, mut force) = (TactileFrame::new(taxels), ForceFrame::new(taxels));
+    tactile.t_ns = second * SECOND_NS;
+    if let Some(taxel) = touched {
+        force.force[taxel] = 50.0;
+        force.contact[taxel] = true;
+    }
+    let mut payload = Vec::new();
+    encode_raw_payload(&tactile, &force, None, &mut payload).unwrap();
+    let header = Header::of_frame(&tactile, &force, payload.len());
+    seen.see_raw(&header, &RawView::decode(&payload).unwrap());
+}
+
+#[test]
+fn the_curve_of_the_taxel_that_was_touched_stays_when_it_is_let_go() {
+    let (mut seen, screen) = (seen(), Screen::new());
+    let mut told = |second, touched| {
+        see_touch(&mut seen, second, touched);
+        let picture = seen.picture(&screen, second * SECOND_NS).unwrap();
+        let traces = picture.traces.iter();
+        let traces = traces.map(|trace| (trace.taxel, trace.points.iter().map(|point| point.1).collect()));
+        (picture.cursor, traces.collect::<Vec<(usize, Vec<f64>)>>())
+    };
+    assert_eq!(told(1, None), (None, vec![]));
+    assert_eq!(told(2, Some(7)), (Some(7), vec![(7, vec![0.0, 50.0])]));
+    assert_eq!(told(3, None), (None, vec![(7, vec![0.0, 50.0, 0.0])]));
+    assert_eq!(told(4, Some(9)).1[0].0, 9);
+    // A recording from its start again.
+    assert_eq!(told(0, None), (None, vec![]));
 }
