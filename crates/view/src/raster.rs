@@ -6,7 +6,7 @@ use ratatui::layout::{Position, Rect};
 /// Where no taxel is.
 const NONE: u16 = u16::MAX;
 /// The largest side of a taxel, half blocks.
-const LARGEST: u16 = 8;
+const LARGEST: u16 = 20;
 
 /// A hand drawn in half blocks, which are about as high as they are wide: a character is one wide and two high.
 #[derive(Debug, Clone, PartialEq)]
@@ -31,12 +31,10 @@ pub(crate) struct Room {
 impl Raster {
     /// The hand as large as there is room, with gaps as wide as that allows; and how large its taxels are.
     pub(crate) fn fit(flat: &Flat, room: Room) -> (Self, Size) {
-        // Narrow taxels are drawn wide where that is all the room there is: letters fit in.
-        let sides = (1..=LARGEST).rev().flat_map(|side| match side {
-            1 => vec![(2, 1), (1, 1)],
-            _ => vec![(side, side)],
-        });
-        for (wide, high) in sides {
+        // Of one and a half each other taxel is the larger one, and the hand keeps its shape. The least are drawn wide
+        // where there is room: they are easier to see.
+        let whole = (2..=LARGEST).rev().map(|side| [f32::from(side); 2]);
+        for [wide, high] in whole.chain([[1.5, 1.5], [2.0, 1.0], [1.0, 1.0]]) {
             let fitting = flat
                 .across
                 .iter()
@@ -47,22 +45,20 @@ impl Raster {
                     continue;
                 };
                 let size = Size {
-                    area: u32::from(wide) * u32::from(high),
+                    side: high,
                     gaps: across.gap + down.gap,
                 };
-                let scale = [f32::from(wide), f32::from(high)];
-                return (Self::draw(across, down, scale, high), size);
+                return (Self::draw(across, down, [wide, high], high as u16), size);
             }
         }
         let (across, down) = (&flat.across[2], &flat.down[2][2]);
         let scale = [(room.width, across), (room.height, down)]
             .map(|(room, axis)| (f32::from(room.max(1)) / axis.length).min(1.0));
-        let size = Size { area: 0, gaps: 0.0 };
+        let size = Size { side: 0.0, gaps: 0.0 };
         (Self::draw(across, down, scale, 0), size)
     }
 
     fn draw(across: &Axis, down: &Axis, scale: [f32; 2], side: u16) -> Self {
-        let blocks = |length: f32, scale: f32| ((length * scale - 0.01).ceil() as u16).max(1);
         let (width, height) = (blocks(across.length, scale[0]), blocks(down.length, scale[1]));
         let mut owner = vec![NONE; usize::from(width) * usize::from(height)];
         let mut nearest = vec![f32::INFINITY; owner.len()];
@@ -180,12 +176,12 @@ impl Raster {
 /// How large a hand is drawn: first by its taxels, then by the gaps between its parts.
 #[derive(Debug, Clone, Copy, PartialEq, PartialOrd)]
 pub(crate) struct Size {
-    /// Half blocks of a taxel; 0 where taxels share them.
-    pub(crate) area: u32,
+    /// Rows of half blocks of a taxel; 0 where taxels share them.
+    pub(crate) side: f32,
     /// Gaps across and down, in distances of taxels.
     pub(crate) gaps: f32,
 }
 
-fn blocks(length: f32, side: u16) -> u16 {
-    (length * f32::from(side) - 0.01).ceil().max(1.0) as u16
+fn blocks(length: f32, side: f32) -> u16 {
+    (length * side - 0.01).ceil().max(1.0) as u16
 }

@@ -24,10 +24,11 @@ const LINES: u16 = 4;
 const HEAD: u16 = 2;
 /// Rows that force over time and problems need below the panels.
 const LEAST_LOWER: u16 = 6;
-/// Half blocks of a taxel that is large enough not to grow at their cost.
-const LARGE: u32 = 9;
-/// Rows that they take at most.
-const MOST_LOWER: u16 = 14;
+/// Rows that are enough for them.
+const ENOUGH_LOWER: u16 = 14;
+/// Sides, half blocks, of taxels that are large enough not to grow at their cost: at that of the least, and of enough.
+const LARGE: f32 = 3.0;
+const VERY_LARGE: f32 = 8.0;
 /// Columns of an extra pane at the right.
 const LEAST_EXTRA: u16 = 24;
 /// The smallest terminal that is drawn on.
@@ -136,16 +137,18 @@ impl Arrangement {
         };
         let best = |height: u16| {
             let ((beside, beside_size), (stacked, stacked_size)) = (fit(false, height), fit(true, height));
-            match stacked_size.area > beside_size.area {
+            match stacked_size.side > beside_size.side {
                 true => (true, stacked, stacked_size),
                 false => (false, beside, beside_size),
             }
         };
         let (mut stacked, mut raster, size) = best(area.height);
-        if area.height > LEAST_LOWER + HEAD + names + bars + 1 {
-            let (small_stacked, small, small_size): (bool, Raster, Size) = best(area.height - LEAST_LOWER);
-            if small_size.area == size.area || small_size.area >= LARGE {
-                (stacked, raster) = (small_stacked, small);
+        for (lower, large) in [(LEAST_LOWER, LARGE.min(size.side)), (ENOUGH_LOWER, VERY_LARGE)] {
+            if area.height > lower + HEAD + names + bars + 1 {
+                let (small_stacked, small, small_size): (bool, Raster, Size) = best(area.height - lower);
+                if small_size.side >= large {
+                    (stacked, raster) = (small_stacked, small);
+                }
             }
         }
         let rows = raster.rows() + HEAD + names + bars;
@@ -168,7 +171,7 @@ impl Arrangement {
         let left = area.height.saturating_sub(used);
         let lower = (left >= LEAST_LOWER).then_some(Rect {
             y: area.y + used,
-            height: left.min(MOST_LOWER),
+            height: left,
             ..area
         });
         Self {

@@ -189,6 +189,36 @@ fn every_taxel_of_every_built_in_hand_is_drawn_once_and_nothing_is_cut_off() {
 }
 
 #[test]
+fn a_small_skin_and_what_is_below_it_take_a_large_terminal() {
+    for name in ["uskin-module", "uskin-fingertip", "cpm-finger", "cyskin-triangle"] {
+        for (width, height) in [(120, 40), (200, 60)] {
+            let area = Rect::new(0, 1, width, height - 1 - LINES);
+            let Arrangement { raster, lower, .. } = Arrangement::of(&picture_of(name), area);
+            let lower = lower.unwrap();
+            assert_eq!(lower.bottom(), area.bottom(), "{name} {width}x{height}");
+            assert!(lower.height >= LEAST_LOWER, "{name} {width}x{height}: {lower:?}");
+            let wide = raster.width >= area.width / 2 - 10;
+            assert!(
+                wide || raster.rows() >= area.height / 2,
+                "{name} {width}x{height}: {} columns, {} rows",
+                raster.width,
+                raster.rows()
+            );
+        }
+    }
+}
+
+#[test]
+fn an_array_keeps_its_shape_where_there_is_room() {
+    for size in SIZES.into_iter().skip(1) {
+        let area = Rect::new(0, 1, size.0, size.1 - 1 - LINES);
+        let raster = Arrangement::of(&picture_of("tekscan-6077"), area).raster;
+        let shape = f32::from(raster.width) / f32::from(raster.height);
+        assert!((shape / (50.0 / 28.0) - 1.0).abs() < 0.05, "{size:?}: {shape}");
+    }
+}
+
+#[test]
 fn a_hand_of_a_thousand_modules_shows_its_strongest_taxels() {
     let hand = Layout::resolve("grid:128x125").unwrap().geometry;
     let mut picture = picture_of("uskin-module");
