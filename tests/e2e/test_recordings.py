@@ -1,6 +1,7 @@
 """The same traffic gives the same bytes: played twice, and live against offline."""
 
 import json
+import os
 import socket
 import struct
 import subprocess
@@ -8,10 +9,12 @@ import subprocess
 import pytest
 import taxel_reader
 from conditioning import DAEMON_SETTINGS
+from harness.bus import GROUP, free_udp_port
 from harness.candump import write_candump
 from harness.compare import content
 from harness.daemon import binary, eventually
 from harness.lockstep import SWEEP, next_image
+from harness.terminal import Terminal
 from harness.touches import Touches, grasp
 from mcap.reader import make_reader
 from mcap.writer import Writer
@@ -108,6 +111,20 @@ def test_live_over_multicast_shows_what_offline_compression_shows(start, lockste
     packets = offline_packets(log, daemon, folder / "images.bin")
     images = [taxel_reader.decode_packet(p) for _, p in sorted(packets.items())]
     assert live == [content(i) for i in images if i.missing == 0]
+
+
+def test_on_a_terminal_replay_shows_how_much_of_the_file_is_played(folder):
+    # A tenth of it at once; the rest, which is read ahead, behind a pause that is longer than this test.
+    times = (1_700_000_000 + (50 if n > 400 else 1e-6 * n) for n in range(4000))
+    (folder / "pause.log").write_text("".join(f"({t:.6f}) can0 7FF#{n:08X}\n" for n, t in enumerate(times)))
+    terminal = Terminal(folder, "replay", "pause.log", "--to", f"udp:{GROUP}:{free_udp_port()}?hops=0")
+    try:
+        terminal.wait_for("% of ")
+        (bar,) = [line for line in terminal.screen.display if "% of " in line]
+        assert 0 < int(bar.split("%")[0].split()[-1]) <= 10 and " left" in bar, bar
+    finally:
+        terminal.process.kill()
+        os.close(terminal.keys)
 
 
 def test_replay_puts_a_recording_onto_the_bus(start, buses, folder, hand):

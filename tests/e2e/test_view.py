@@ -1,79 +1,20 @@
 """`taxel view` on a terminal: what its keys do outside of the picture."""
 
-import fcntl
 import os
-import pty
 import socket
-import struct
 import subprocess
-import termios
 
 import pyte
 import pytest
 from harness.bus import GROUP, free_udp_port
-from harness.daemon import binary, die_with_parent, eventually
+from harness.daemon import binary, eventually
+from harness.terminal import Terminal
 
 
 @pytest.fixture
 def buses():
     """The daemon of these tests simulates its own."""
     yield None
-
-
-class Screen(pyte.Screen):
-    """Keeps a program's picture apart from what it prints, as terminals do: pyte's own draws both on one screen."""
-
-    ALTERNATE = 1049
-
-    def set_mode(self, *modes, **private):
-        super().set_mode(*modes, **private)
-        self.turn(modes)
-
-    def reset_mode(self, *modes, **private):
-        super().reset_mode(*modes, **private)
-        self.turn(modes)
-
-    def turn(self, modes):
-        if self.ALTERNATE in modes:
-            self.erase_in_display(2)
-            self.cursor_position()
-
-
-class Terminal:
-    """A program on a terminal of 100x30."""
-
-    def __init__(self, folder, *arguments, screen=None):
-        self.keys, theirs = pty.openpty()
-        fcntl.ioctl(theirs, termios.TIOCSWINSZ, struct.pack("HHHH", 30, 100, 0, 0))
-        os.set_blocking(self.keys, False)
-        self.process = subprocess.Popen(
-            [binary("taxel"), *map(str, arguments)],
-            cwd=folder,
-            stdin=theirs,
-            stdout=theirs,
-            stderr=theirs,
-            start_new_session=True,
-            preexec_fn=die_with_parent,
-            env={**os.environ, "TERM": "xterm-256color"},
-        )
-        os.close(theirs)
-        # What is sent are changes of the picture: a letter that was there before is not sent again.
-        self.screen = screen or Screen(100, 30)
-        self.stream = pyte.ByteStream(self.screen)
-
-    def shows(self, text):
-        try:
-            while part := os.read(self.keys, 65536):
-                self.stream.feed(part)
-        except (BlockingIOError, OSError):
-            pass
-        return any(text in line for line in self.screen.display)
-
-    def wait_for(self, text):
-        eventually(lambda: self.shows(text), lambda: f"{text} is not shown:\n" + "\n".join(self.screen.display))
-
-    def press(self, key):
-        os.write(self.keys, key.encode())
 
 
 def test_of_a_daemon_that_says_nothing_it_is_told_that_it_may_hang(folder):

@@ -205,6 +205,11 @@ impl<R: BufRead> LogReader<R> {
         }
     }
 
+    /// What it reads.
+    pub fn input(&self) -> &R {
+        &self.input
+    }
+
     /// Lines read so far.
     pub fn line_number(&self) -> u64 {
         self.line_number

@@ -301,7 +301,10 @@ impl<'a> FrameFile<'a> {
     /// Bytes read so far, where that is known.
     pub(crate) fn position(&mut self) -> Option<u64> {
         match &mut self.lines {
-            Lines::Candump { file, .. } => file.as_mut()?.stream_position().ok(),
+            Lines::Candump { file, log, .. } => {
+                let position = file.as_mut()?.stream_position().ok()?;
+                Some(position.saturating_sub(log.input().buffer().len() as u64))
+            }
             Lines::Mcap(reader, _) => Some(reader.position()),
         }
     }

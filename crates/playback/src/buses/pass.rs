@@ -13,7 +13,12 @@ pub(crate) enum Line {
     Frame(usize, Received),
     /// Nothing that can be sent.
     Other,
+    /// So many bytes of the file are read.
+    Read(u64),
 }
+
+/// Lines between two looks at how far the file is read.
+const SHOWN: u64 = 256;
 
 /// The frames of a file as they stand there; times start at zero and never fall. Where they were not taken as they stand
 /// there is noted in the end.
@@ -22,6 +27,8 @@ pub(crate) struct Pass<'a> {
     jumps: &'a Mutex<ClockJumps>,
     clock: LogClock,
     newest_ns: u64,
+    /// Lines until it is looked how far the file is read.
+    until_shown: u64,
 }
 
 impl Drop for Pass<'_> {
@@ -42,6 +49,7 @@ impl<'a> Pass<'a> {
             jumps,
             clock: LogClock::default(),
             newest_ns: 0,
+            until_shown: SHOWN,
         })
     }
 }
@@ -50,6 +58,13 @@ impl Iterator for Pass<'_> {
     type Item = anyhow::Result<Line>;
 
     fn next(&mut self) -> Option<Self::Item> {
+        self.until_shown -= 1;
+        if self.until_shown == 0 {
+            self.until_shown = SHOWN;
+            if let Some(bytes) = self.file.position() {
+                return Some(Ok(Line::Read(bytes)));
+            }
+        }
         let (place, received) = match self.file.next_entry() {
             Ok(Some(Entry::Frame(place, received))) => (place, received),
             Ok(Some(Entry::Interface(name))) => return Some(Ok(Line::Interface(name))),

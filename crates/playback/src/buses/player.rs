@@ -77,7 +77,11 @@ impl Player {
     /// Plays the CAN traffic of a recording: of the interfaces of these names, or of all.
     pub fn play_traffic(self, traffic: &Traffic, names: Option<&[String]>) -> anyhow::Result<Played> {
         let jumps = Mutex::default();
-        let played = thread::scope(|scope| self.play(|| ahead(scope, Pass::open(traffic, names, &jumps)?)))?;
+        // Where it is played again and again, or not to its end, its size tells nothing.
+        let to_the_end = !self.looping && self.window.end == u64::MAX;
+        let bytes = Some(traffic.bytes()).filter(|bytes| to_the_end && *bytes > 0);
+        let played =
+            thread::scope(|scope| self.play(bytes, || ahead(scope, Pass::open(traffic, names, &jumps)?)))?;
         let jumps: ClockJumps = jumps.into_inner().unwrap_or_else(PoisonError::into_inner);
         if jumps.count() > 0 {
             remark!("taxel: {}: {jumps}", traffic.path().display());
@@ -87,20 +91,24 @@ impl Player {
 
     /// Plays what boards would have sent.
     pub fn play_sweeps(self, sweeps: &Sweeps<'_>) -> anyhow::Result<Played> {
-        self.play(|| Ok(sweeps.frames().map(line)))
+        self.play(None, || Ok(sweeps.frames().map(line)))
     }
 
     /// Plays the frames of pressure arrays.
     pub fn play_arrays(self, frames: &ArrayFrames<'_>) -> anyhow::Result<Played> {
-        self.play(|| Ok(frames.frames().map(line)))
+        self.play(None, || Ok(frames.frames().map(line)))
     }
 
-    fn play<I>(mut self, pass: impl Fn() -> anyhow::Result<I>) -> anyhow::Result<Played>
+    /// Plays pass after pass, of a file of this many bytes where that is known.
+    fn play<I>(mut self, bytes: Option<u64>, pass: impl Fn() -> anyhow::Result<I>) -> anyhow::Result<Played>
     where
         I: Iterator<Item = anyhow::Result<Line>>,
     {
         let began = Instant::now();
-        let progress = Progress::counting("CAN frames");
+        let progress = match bytes {
+            Some(bytes) => (Progress::bytes(bytes), Progress::none()),
+            None => (Progress::none(), Progress::counting("CAN frames")),
+        };
         let mut passes = 0u64;
         self.begin = began;
         loop {
@@ -133,11 +141,12 @@ impl Player {
         })
     }
 
-    /// Sends the recording once; returns how long the played part of it is, nothing if there is none.
+    /// Sends the recording once, and shows how far it is read and sent; returns how long the played part of it is, nothing if
+    /// there is none.
     fn pass(
         &mut self,
         lines: impl Iterator<Item = anyhow::Result<Line>>,
-        progress: &Progress,
+        (read, sent): &(Progress, Progress),
     ) -> anyhow::Result<Option<u64>> {
         let waits = !self.targets.are_logs();
         let mut length_ns = None;
@@ -150,6 +159,10 @@ impl Player {
                 }
                 Line::Other => {
                     self.left_out += 1;
+                    continue;
+                }
+                Line::Read(bytes) => {
+                    read.advance_to(bytes);
                     continue;
                 }
             };
@@ -171,7 +184,7 @@ impl Player {
                 }
             }
             self.targets.send(name, received.t_ns, &received.frame)?;
-            progress.advance(1);
+            sent.advance(1);
         }
         Ok(length_ns)
     }
