@@ -20,9 +20,11 @@ use taxel_wire::{Clock, Header, Hello, Received, Subscribe, Subscriber};
 With --json each line is one object:
   {\"seq\",\"t_ns\",\"latency_us\",\"width\",\"height\",\"image\":[H*W of 0..255],\"levels\":[forces],
    \"actuators\":[{\"id\",\"x\",\"y\",\"level\",\"force\"}],\"contacts\",\"faulty\",\"missing\",\"joints\":[rad],
-   \"skipped\",\"calibrating\"}
-latency_us is null when the daemon plays a recording; skipped counts the images that this reader was too slow for since
-the line before; calibrating is true while the baseline is measured, and the image is empty. With --raw as well:
+   \"skipped\",\"calibrating\",\"saturated\",\"repaired\"}
+latency_us is null when the daemon plays a recording; skipped counts the images that this reader
+was too slow for since the line before; calibrating is true while the baseline is measured, and the
+image is empty; saturated where a taxel is at an end of its range, repaired where a value was
+unwrapped or a glitch held back. With --raw as well:
   {\"seq\",\"t_ns\",\"latency_us\",\"threshold\",\"taxels\":[{\"counts\":[x,y,z],\"force\",\"contact\",\"repaired\",
    \"age_us\",\"status\",\"faults\":[names]}],\"joints\":[rad],\"skipped\",\"calibrating\"}
 With --hz:

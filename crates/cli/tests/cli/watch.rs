@@ -84,6 +84,11 @@ fn watch_prints_one_object_per_image_with_the_keys_of_the_contract() {
     ];
     contract.sort_unstable();
     assert_eq!(keys, contract);
+    let (help, _) = succeeds(&dir, &["watch", "--help"]);
+    let of_images = help.split("With --raw").next().unwrap();
+    for key in keys {
+        assert!(of_images.contains(&format!("\"{key}\"")), "{key}: {help}");
+    }
     assert_eq!(lines[0]["image"].as_array().unwrap().len(), 256);
     assert!(lines[0]["latency_us"].as_f64().unwrap() > 0.0);
     assert!(lines[2]["seq"].as_u64() > lines[0]["seq"].as_u64());

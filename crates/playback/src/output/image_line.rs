@@ -26,7 +26,7 @@ struct ImageLine<'a> {
     calibrating: bool,
     /// Whether a taxel is at an end of its range.
     saturated: bool,
-    /// Whether a taxel has the values of its neighbours.
+    /// Whether a value was repaired: a count that wrapped around, or a glitch.
     repaired: bool,
 }
 
