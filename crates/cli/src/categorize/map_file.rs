@@ -5,6 +5,7 @@ use anyhow::{Context, ensure};
 use serde::{Deserialize, Serialize};
 use std::path::Path;
 use taxel_palpation::Classifier;
+use taxel_playback::output_file::OutputFile;
 use taxel_sequence::Aligned;
 
 /// A map in a file: categories, and how touches were put side by side.
@@ -48,9 +49,7 @@ impl MapFile {
     }
 
     pub(super) fn save(&self, path: &Path) -> anyhow::Result<()> {
-        let mut file = taxel_playback::output_file::OutputFile::begin(path)?;
-        std::fs::write(file.path(), serde_json::to_vec(self)?).with_context(|| path.display().to_string())?;
-        file.finish()
+        OutputFile::write(path, serde_json::to_vec(self)?)
     }
 
     pub(super) fn load(path: &Path) -> anyhow::Result<Self> {

@@ -227,9 +227,7 @@ pub(crate) fn run(args: &Args) -> anyhow::Result<()> {
         scaling,
     };
     if let Some(file) = &mut csv {
-        std::fs::write(file.path(), spreadsheet::csv(output.reports())?)
-            .with_context(|| file.path().display().to_string())?;
-        file.finish()?;
+        file.fill(spreadsheet::csv(output.reports())?)?;
     }
     let text = output.text(args)?;
     let mut out = io::stdout().lock();

@@ -235,8 +235,7 @@ fn write(
     let tables = [(csv, points(report)), (figure, drawing(report)?)];
     for (file, text) in tables {
         if let Some(mut file) = file {
-            std::fs::write(file.path(), text).with_context(|| file.path().display().to_string())?;
-            file.finish()?;
+            file.fill(text)?;
         }
     }
     let text = if json {

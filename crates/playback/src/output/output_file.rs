@@ -149,9 +149,7 @@ impl OutputFile {
 
     /// Writes a file whose content is known.
     pub fn write(path: &Path, content: impl AsRef<[u8]>) -> anyhow::Result<()> {
-        let mut file = Self::begin(path)?;
-        fs::write(file.path(), content).with_context(|| path.display().to_string())?;
-        file.finish()
+        Self::begin(path)?.fill(content)
     }
 
     /// Writes a file whose content is known and that is not there yet. One that has come meanwhile stays as it is.
@@ -172,6 +170,12 @@ impl OutputFile {
     /// Where to write.
     pub fn path(&self) -> &Path {
         self.part.as_ref().map_or(&self.path, |part| part.path())
+    }
+
+    /// Writes all of it, and gives it its name.
+    pub fn fill(&mut self, content: impl AsRef<[u8]>) -> anyhow::Result<()> {
+        fs::write(self.path(), content).with_context(|| self.path().display().to_string())?;
+        self.finish()
     }
 
     /// The file is whole: gives it its name.
