@@ -65,8 +65,7 @@ fn run(arguments: &Arguments) -> anyhow::Result<ExitCode> {
     if arguments.check {
         let text = std::fs::read_to_string(&arguments.config).unwrap_or_default();
         taxeld::check(&config, &text, &arguments.config)?;
-        let printed = std::io::stdout().write_all(config.summary().as_bytes());
-        return stdout::ended(printed.context("stdout").map(|()| ExitCode::SUCCESS));
+        return stdout::ended(stdout::print(&config.summary()).map(|()| ExitCode::SUCCESS));
     }
 
     // They interrupt the thread that they wake alone, so that every other one is started without them. They take

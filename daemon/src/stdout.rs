@@ -49,6 +49,14 @@ pub fn tell(said: &clap::Error) -> anyhow::Result<ExitCode> {
     Ok(ExitCode::from(said.exit_code() as u8))
 }
 
+/// Prints a text at once.
+pub fn print(text: &str) -> anyhow::Result<()> {
+    let mut out = io::stdout().lock();
+    out.write_all(text.as_bytes())
+        .and_then(|()| out.flush())
+        .context("stdout")
+}
+
 /// How a program ends that printed: with an error where not all of it was taken, but not where a reader has seen enough
 /// (`taxel watch | head`).
 pub fn ended(outcome: anyhow::Result<ExitCode>) -> anyhow::Result<ExitCode> {

@@ -5,11 +5,11 @@ use crate::input::Input;
 use crate::offered::offering;
 use crate::offline::OfflineArgs;
 use crate::out_of_use::OutOfUse;
+use crate::stdout;
 use crate::wrong_use;
 use anyhow::bail;
 use clap::builder::{PathBufValueParser, TypedValueParser};
 use serde_json::json;
-use std::io::Write;
 use std::path::{Path, PathBuf};
 use taxel_compress::learn_codebook;
 use taxel_diagnose::ANY_CHANGE_IS_CONTACT;
@@ -282,7 +282,7 @@ impl Run {
                 "with_missing": with_missing,
                 "with_faulty": with_faulty,
             });
-            writeln!(std::io::stdout(), "{object}")?;
+            stdout::print(&format!("{object}\n"))?;
         }
         Ok(())
     }

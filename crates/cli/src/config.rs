@@ -1,8 +1,9 @@
 //! `taxel config`: the daemon's configuration file.
 
+use crate::stdout;
 use anyhow::{Context, bail};
 use serde_json::json;
-use std::io::{Read, Write};
+use std::io::Read;
 use std::path::{Path, PathBuf};
 use taxel_can::SourceAddress;
 use taxel_playback::output_file::{OutputFile, refuse_existing};
@@ -84,7 +85,7 @@ pub(crate) fn run(args: &Args) -> anyhow::Result<()> {
         Command::Init(args) => {
             let text = init(&args.layout, &args.source)?;
             match args.out.as_os_str() == "-" {
-                true => print(&text),
+                true => stdout::print(&text),
                 false => {
                     refuse_existing(&args.out, args.force)?;
                     OutputFile::write(&args.out, text)
@@ -100,7 +101,7 @@ pub(crate) fn run(args: &Args) -> anyhow::Result<()> {
                 let error = checked.as_ref().err().map(crate::describe);
                 let summary = checked.as_ref().ok().map(|(config, _)| config.summary());
                 let object = json!({ "valid": error.is_none(), "error": error, "summary": summary });
-                print(&format!("{object}\n"))?;
+                stdout::print(&format!("{object}\n"))?;
             }
             let (config, text) = checked?;
             if let Some((path, error)) = taxeld::left_to_service(&config, &text) {
@@ -112,13 +113,13 @@ pub(crate) fn run(args: &Args) -> anyhow::Result<()> {
             }
             match args.json {
                 true => Ok(()),
-                false => print(&config.summary()),
+                false => stdout::print(&config.summary()),
             }
         }
         Command::Show(args) => {
             let (config, text) = args.file.read()?;
             let table = in_force(&config, &text)?;
-            print(&match args.json {
+            stdout::print(&match args.json {
                 true => format!("{}\n", serde_json::to_string(&table)?),
                 false => toml::to_string(&table)?,
             })
@@ -207,9 +208,4 @@ fn in_force(config: &Config, text: &str) -> anyhow::Result<toml::Table> {
         layout.unwrap_or_else(|| config.layout.name.clone().into()),
     );
     Ok(table)
-}
-
-fn print(text: &str) -> anyhow::Result<()> {
-    let mut out = std::io::stdout().lock();
-    Ok(out.write_all(text.as_bytes()).and_then(|()| out.flush())?)
 }

@@ -4,6 +4,7 @@ use crate::frame_output::{FrameFormat, FrameOutput};
 use crate::input::{DEFAULT_LAYOUT, Input};
 use crate::marks_file;
 use crate::offline::OfflineArgs;
+use crate::stdout;
 use crate::wrong_use;
 use anyhow::{Context, bail};
 use serde_json::json;
@@ -147,7 +148,7 @@ fn report(args: &Args, count: u64, what: &str) -> anyhow::Result<()> {
     if args.json {
         let key = what.to_ascii_lowercase().replace(' ', "_");
         let object = json!({ "out": out.to_string(), key: count });
-        writeln!(std::io::stdout(), "{object}").context("stdout")?;
+        stdout::print(&format!("{object}\n"))?;
     }
     Ok(())
 }

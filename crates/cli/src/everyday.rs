@@ -1,9 +1,9 @@
 //! `taxel status`, `rezero`, `pause`, `resume`, `profile` and `mark`: one request to the running daemon.
 
+use crate::stdout;
 use crate::{control, status_text};
 use anyhow::Context;
 use serde_json::{Value, json};
-use std::io::Write;
 use std::path::PathBuf;
 use taxel_wire::status::Status;
 
@@ -103,7 +103,7 @@ pub(crate) struct MarkArgs {
 pub(crate) fn status(args: &StatusArgs) -> anyhow::Result<()> {
     let reply = args.ask.send(&json!({ "cmd": "status" }))?;
     let status = Status::try_from(reply["status"].clone())?;
-    print(&match args.json {
+    stdout::print(&match args.json {
         true => reply["status"].to_string() + "\n",
         false => status_text::of(&status),
     })?;
@@ -126,7 +126,7 @@ pub(crate) fn rezero(args: &RezeroArgs) -> anyhow::Result<()> {
              on: let go of it, and `taxel rezero` again"
         );
     }
-    print(&match args.json {
+    stdout::print(&match args.json {
         true => format!("{}\n", json!({ "contacts": contacts })),
         false => "the baseline is measured anew; do not touch the hand for two seconds\n".to_owned(),
     })
@@ -156,12 +156,12 @@ pub(crate) fn profile(args: &ProfileArgs) -> anyhow::Result<()> {
         }
     }
     let reply = args.ask.send(&json!({ "cmd": "profile" }))?;
-    print(&format!("{}\n", reply["profile"]))
+    stdout::print(&format!("{}\n", reply["profile"]))
 }
 
 pub(crate) fn mark(args: &MarkArgs) -> anyhow::Result<()> {
     let reply = args.ask.send(&json!({ "cmd": "mark", "text": args.text }))?;
-    print(&match args.json {
+    stdout::print(&match args.json {
         true => format!("{}\n", reply["mark"]),
         false => format!("behind image {}\n", reply["mark"]["seq"]),
     })
@@ -172,7 +172,7 @@ impl Ask {
     fn pause(&self, cmd: &str, paused: bool, json: bool) -> anyhow::Result<()> {
         self.send(&json!({ "cmd": cmd }))?;
         match json {
-            true => print(&format!("{}\n", json!({ "paused": paused }))),
+            true => stdout::print(&format!("{}\n", json!({ "paused": paused }))),
             false => Ok(()),
         }
     }
@@ -185,11 +185,4 @@ impl Ask {
         let default = || taxeld::config::running_socket(name);
         control::request(&self.socket.clone().unwrap_or_else(default), request)
     }
-}
-
-fn print(text: &str) -> anyhow::Result<()> {
-    let mut out = std::io::stdout().lock();
-    out.write_all(text.as_bytes())
-        .and_then(|()| out.flush())
-        .context("stdout")
 }

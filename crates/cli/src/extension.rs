@@ -1,9 +1,8 @@
 //! `taxel NAME` where NAME is not built in: the program `taxel-NAME`, as git and cargo do.
 
-use anyhow::Context;
+use crate::stdout;
 use std::collections::BTreeMap;
 use std::ffi::{OsStr, OsString};
-use std::io::Write;
 use std::os::unix::ffi::OsStrExt;
 use std::os::unix::fs::PermissionsExt;
 use std::os::unix::process::CommandExt;
@@ -45,7 +44,7 @@ pub(crate) fn list(built_in: &clap::Command) -> anyhow::Result<()> {
     for (name, what) in commands(built_in, &folders()) {
         text += &format!("{name:12} {what}\n");
     }
-    std::io::stdout().write_all(text.as_bytes()).context("stdout")
+    stdout::print(&text)
 }
 
 /// Every command, built in or a program, and what is said of it; a built-in one hides a program of its name.

@@ -2,10 +2,10 @@
 
 use crate::offered::offering;
 use crate::piped_file::layout_parser;
+use crate::stdout;
 use anyhow::Context;
 use serde_json::json;
 use std::fmt::Write as _;
-use std::io::Write;
 use taxel_skin::{Layout, Protocol, Wiring};
 use taxel_view::outline;
 
@@ -48,10 +48,7 @@ pub(crate) fn run(args: &Args) -> anyhow::Result<()> {
         (Some(name), true) => in_json(&Layout::resolve(name)?).to_string() + "\n",
         (Some(name), false) => drawing(&Layout::resolve(name)?),
     };
-    let mut out = std::io::stdout().lock();
-    out.write_all(text.as_bytes())
-        .and_then(|()| out.flush())
-        .context("stdout")
+    stdout::print(&text)
 }
 
 fn builtin() -> Vec<Layout> {

@@ -1,11 +1,11 @@
 //! What shells and `man` are told of the commands; packages install it.
 
+use crate::stdout;
 use anyhow::Context;
 use clap::{Args, CommandFactory};
 use clap_complete::Shell;
 use clap_mangen::Man;
 use std::fs;
-use std::io::{self, Write};
 use std::path::{Path, PathBuf};
 use std::time::{Duration, SystemTime, UNIX_EPOCH};
 use taxel_skin::Layout;
@@ -39,7 +39,7 @@ pub(crate) fn completions(args: &CompletionsArgs, mut taxel: clap::Command) -> a
         let hands = format!("{LAYOUT}$(compgen -W \"{}\" -f -- \"${{cur}}\")", names.join(" "));
         script = script.replace(&format!("{LAYOUT}$(compgen -f \"${{cur}}\")"), &hands);
     }
-    io::stdout().write_all(script.as_bytes()).context("stdout")
+    stdout::print(&script)
 }
 
 /// What bash is told of the value of an option `--layout`, up to the values.

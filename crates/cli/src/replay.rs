@@ -2,9 +2,9 @@
 
 use crate::input::{DEFAULT_LAYOUT, Input, InputArgs, TIMES_S, number, pair};
 use crate::piped_file::text_parser;
+use crate::stdout;
 use crate::wrong_use;
-use anyhow::{Context, anyhow, bail};
-use std::io::Write;
+use anyhow::{anyhow, bail};
 use std::ops::Range;
 use std::path::{Path, PathBuf};
 use taxel_can::SourceAddress;
@@ -82,7 +82,7 @@ pub(crate) fn run(args: &Args) -> anyhow::Result<()> {
     }
     let played = play(args)?;
     if args.json {
-        writeln!(std::io::stdout(), "{}", serde_json::to_string(&played)?).context("stdout")?;
+        stdout::print(&(serde_json::to_string(&played)? + "\n"))?;
     }
     Ok(())
 }

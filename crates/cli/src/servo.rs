@@ -1,9 +1,8 @@
 //! `taxel servo`: torque and PWM of one servo, through the daemon.
 
+use crate::stdout;
 use crate::{control, wrong_use};
-use anyhow::Context;
 use serde_json::json;
-use std::io::Write;
 use std::path::PathBuf;
 
 /// Switch a servo's motor on or off, or give it a PWM, through the running daemon.
@@ -75,7 +74,7 @@ pub(crate) fn run(args: &Args) -> anyhow::Result<()> {
         let (torque, pwm) = (&request["torque"], &request["pwm_percent"]);
         let told =
             json!({ "joint": args.joint, "torque": torque, "pwm_percent": pwm, "warning": reply["warning"] });
-        writeln!(std::io::stdout(), "{told}").context("stdout")?;
+        stdout::print(&format!("{told}\n"))?;
     }
     Ok(())
 }

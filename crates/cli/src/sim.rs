@@ -6,6 +6,7 @@ use crate::offered::offering;
 use crate::piped_file::layout_parser;
 use crate::scene_marks::SceneMarks;
 use crate::seconds::seconds;
+use crate::stdout;
 use crate::wrong_use;
 use anyhow::{Context, anyhow, bail};
 use clap::builder::{StringValueParser, TypedValueParser};
@@ -122,7 +123,7 @@ pub(crate) fn run(args: &Args) -> anyhow::Result<()> {
         }
         let meant = || did_you_mean(name, built_in());
         let text = Scene::builtin_text(name);
-        return print(&text.with_context(|| {
+        return stdout::print(&text.with_context(|| {
             format!(
                 "{name} is not built in; `taxel sim --list` lists what is{}",
                 meant()
@@ -253,7 +254,7 @@ fn show_layout(name: &str) -> anyhow::Result<()> {
         Some(text) => text.into(),
         None => std::fs::read_to_string(name).with_context(|| name.to_string())?,
     };
-    print(&text)
+    stdout::print(&text)
 }
 
 /// The scenes that can be a recording too.
@@ -304,22 +305,14 @@ fn list(as_json: bool) -> anyhow::Result<()> {
         scenes.push(
             json!({ "name": play::SCENE, "seconds": null, "about": play::ABOUT, "layout": play::LAYOUT }),
         );
-        return print(&format!("{}\n", Value::from(scenes)));
+        return stdout::print(&format!("{}\n", Value::from(scenes)));
     }
     for name in built_in() {
         let scene = Scene::builtin(name)?;
         text += &format!("{name:12} {:>5.1} s  {}\n", scene.seconds(), scene.about());
     }
     text += &format!("{:12} endless  {}\n", play::SCENE, play::ABOUT);
-    print(&text)
-}
-
-fn print(text: &str) -> anyhow::Result<()> {
-    use std::io::Write;
-    let mut out = std::io::stdout().lock();
-    out.write_all(text.as_bytes())
-        .and_then(|()| out.flush())
-        .context("stdout")
+    stdout::print(&text)
 }
 
 /// The servos of the scene's fingers behind a link, as long as the returned values live.
@@ -342,7 +335,7 @@ fn offer_servos(scene: &Scene, layout: &Layout, link: &Path) -> anyhow::Result<(
         "{count} servos, ids 1 to {count}, at {baud} bit/s on {}",
         link.display()
     );
-    print(&joints_table(&std::path::absolute(link)?, baud, &names))?;
+    stdout::print(&joints_table(&std::path::absolute(link)?, baud, &names))?;
     Ok((link_made, pty))
 }
 

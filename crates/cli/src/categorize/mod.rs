@@ -11,6 +11,7 @@ mod trial;
 
 use crate::input::number;
 use crate::piped_file::recording_parser;
+use crate::stdout;
 use crate::wrong_use;
 use anyhow::{Context, bail};
 use clap::ValueEnum;
@@ -20,7 +21,6 @@ use map_file::MapFile;
 pub(crate) use phantom_map::PhantomMap;
 use serde::Serialize;
 use std::fmt::Write as _;
-use std::io::{self, Write};
 use std::path::{Path, PathBuf};
 use taxel_hand::plural;
 use taxel_palpation::{
@@ -237,10 +237,7 @@ pub(crate) fn run(args: &Args) -> anyhow::Result<()> {
             }
         }
     };
-    let mut out = io::stdout().lock();
-    out.write_all(text.as_bytes())
-        .and_then(|()| out.flush())
-        .context("stdout")
+    stdout::print(&text)
 }
 
 impl Args {

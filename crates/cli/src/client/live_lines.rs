@@ -2,9 +2,8 @@
 //! every frame in, a JSON line for each result out, on stdout and where there is a socket for it.
 
 use crate::publisher::Publisher;
-use anyhow::Context;
+use crate::stdout;
 use serde::Serialize;
-use std::io::{self, Write};
 use std::path::Path;
 use taxel_wire::{Clock, Hello, Kind, Subscribe, Subscriber};
 
@@ -75,9 +74,6 @@ impl<'a> Lines<'a> {
         if let (Some(publisher), Some((seq, t_ns))) = (&self.publisher, newest) {
             publisher.publish(self.kind, line.as_bytes(), seq, t_ns);
         }
-        let mut out = io::stdout().lock();
-        writeln!(out, "{line}")
-            .and_then(|()| out.flush())
-            .context("stdout")
+        stdout::print(&format!("{line}\n"))
     }
 }

@@ -12,8 +12,9 @@ use crate::offline::preset_parser;
 use crate::piped_file::layout_parser;
 use crate::seconds::seconds;
 use crate::sim::{resolve, scene_parser};
+use crate::stdout;
 use crate::terminal;
-use crate::view::{Source, lock, look, print, request_of};
+use crate::view::{Source, lock, look, request_of};
 use anyhow::bail;
 use meter::Meter;
 use palpation::{Palpating, Palpation};
@@ -145,7 +146,7 @@ pub(crate) fn run(args: &Args) -> anyhow::Result<()> {
     if let Some(Some(failure)) = meter.end.get() {
         bail!("the demo's daemon: {failure}");
     }
-    print(&meter.summary())?;
+    stdout::print(&meter.summary())?;
     if lock(&meter.seen).images() == 0 {
         bail!(
             "no image came; give it more than --seconds {}",

@@ -21,6 +21,7 @@ pub(crate) mod starting;
 
 pub(crate) use arguments::Args;
 
+use crate::stdout;
 use access::{FileFacts, PortFacts, User};
 use anyhow::{Context, bail};
 use bus_listener::BusListener;
@@ -30,7 +31,7 @@ use live::ListenPolicy;
 use report::{Report, Style};
 use serde_json::json;
 use std::collections::BTreeSet;
-use std::io::{self, Write};
+use std::io;
 use std::path::Path;
 use taxel_can::SourceAddress;
 use taxel_diagnose::Kind;
@@ -80,7 +81,7 @@ pub(crate) fn run(args: &Args) -> anyhow::Result<bool> {
         checks: Vec::new(),
     };
     if !args.json {
-        writeln!(io::stdout(), "{}\n", report::wrap(&origin, 80).join("\n")).context("stdout")?;
+        stdout::print(&(report::wrap(&origin, 80).join("\n") + "\n\n"))?;
     }
     let root = Path::new("/");
     let links = doctor.check_machine(root, &config)?;
@@ -93,10 +94,10 @@ pub(crate) fn run(args: &Args) -> anyhow::Result<bool> {
     if args.json {
         let checks: Vec<_> = doctor.checks.iter().map(Check::json).collect();
         let object = json!({ "checks": checks, "healthy": healthy });
-        writeln!(io::stdout(), "{}", as_named(object.to_string())).context("stdout")?;
+        stdout::print(&(as_named(object.to_string()) + "\n"))?;
     } else {
         let summary = report::summary(&doctor.checks, Style::of_stdout());
-        writeln!(io::stdout(), "\n{summary}").context("stdout")?;
+        stdout::print(&format!("\n{summary}\n"))?;
     }
     Ok(healthy)
 }
@@ -351,7 +352,7 @@ impl Doctor {
             ),
         };
         let lines = report::wrap(&text, 78);
-        writeln!(io::stdout(), "\n{}", lines.join("\n")).context("stdout")
+        stdout::print(&format!("\n{}\n", lines.join("\n")))
     }
 
     fn check_joints(

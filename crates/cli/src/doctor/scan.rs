@@ -4,7 +4,8 @@ use super::bus_listener::{BusListener, Listener};
 use super::link;
 use super::report;
 use super::starting::Asked;
-use anyhow::{Context, bail};
+use crate::stdout;
+use anyhow::bail;
 use serde_json::json;
 use std::io::{self, Write};
 use std::path::Path;
@@ -216,7 +217,6 @@ fn tell(scan: &Scan<'_>, buses: &[Bus], found: &Recognition, asked: Option<&Aske
     if let (Some(path), Some(text)) = (scan.out, &text) {
         OutputFile::write(path, text)?;
     }
-    let mut out = io::stdout();
     if scan.json {
         let buses: Vec<_> = buses
             .iter()
@@ -224,7 +224,7 @@ fn tell(scan: &Scan<'_>, buses: &[Bus], found: &Recognition, asked: Option<&Aske
             .map(|(bus, found)| json(bus, found))
             .collect();
         let object = json!({ "buses": buses, "builtin": found.builtin(), "layout": text });
-        writeln!(out, "{}", as_named(object.to_string())).context("stdout")?;
+        stdout::print(&(as_named(object.to_string()) + "\n"))?;
         return Ok(text.is_some());
     }
     // The file goes to stdout, so that it can be redirected; what is said about it does not.
@@ -253,9 +253,7 @@ fn tell(scan: &Scan<'_>, buses: &[Bus], found: &Recognition, asked: Option<&Aske
         let _ = writeln!(io::stderr(), "{line}");
     }
     if let (Some(text), None) = (&text, scan.out) {
-        out.write_all(text.as_bytes())
-            .and_then(|()| out.flush())
-            .context("stdout")?;
+        stdout::print(text)?;
     }
     Ok(text.is_some())
 }

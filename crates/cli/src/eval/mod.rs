@@ -14,10 +14,10 @@ use crate::offline::{Held, OfflineArgs};
 use crate::out_of_use::OutOfUse;
 use crate::piped_file;
 use crate::sim::recorded_scene_parser;
+use crate::stdout;
 use crate::wrong_use;
 use anyhow::{Context, bail};
 use serde::Serialize;
-use std::io::{self, Write};
 use std::path::{Path, PathBuf};
 use taxel_eval::{
     ContactTruth, EvalReport, Method, MethodError, MethodReport, Offered, References, ScalingReport,
@@ -230,10 +230,7 @@ pub(crate) fn run(args: &Args) -> anyhow::Result<()> {
         file.fill(spreadsheet::csv(output.reports())?)?;
     }
     let text = output.text(args)?;
-    let mut out = io::stdout().lock();
-    out.write_all(text.as_bytes())
-        .and_then(|()| out.flush())
-        .context("stdout")
+    stdout::print(&text)
 }
 
 /// Says which of the usual methods the configuration excludes.

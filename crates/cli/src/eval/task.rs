@@ -3,11 +3,11 @@
 use super::table::{self, wrapped};
 use super::{Args, advice_on_forces};
 use crate::offline::Held;
+use crate::stdout;
 use crate::wrong_use;
 use anyhow::{Context, bail};
 use serde::Serialize;
 use std::fmt::Write as _;
-use std::io::{self, Write};
 use taxel_compress::Compressor;
 use taxel_eval::{BLUR_PX, Method, MethodError, Offered, Shown, Task, TaskPoint, TaskRow, grid_places};
 use taxel_hand::{ActuatorForce, Coordinates, FORCE_MAX, FORCE_MIN, Profile};
@@ -243,10 +243,7 @@ fn write(
     } else {
         human(report)
     };
-    let mut out = io::stdout().lock();
-    out.write_all(text.as_bytes())
-        .and_then(|()| out.flush())
-        .context("stdout")
+    stdout::print(&text)
 }
 
 /// Refuses methods that would learn from all frames.

@@ -9,11 +9,11 @@ use crate::compress::method_parser;
 use crate::input::{TIMES_S, number};
 use crate::offline::OfflineArgs;
 use crate::out_of_use::OutOfUse;
+use crate::stdout;
 use crate::wrong_use;
 use anyhow::{Context, bail};
 use serde_json::json;
 use std::fs;
-use std::io::{self, Write};
 use std::path::{Path, PathBuf};
 use take::Take;
 use taxel_hand::{Method, Profile};
@@ -102,10 +102,7 @@ pub(crate) fn run(args: &Args) -> anyhow::Result<()> {
     if args.json {
         return Ok(());
     }
-    let mut out = io::stdout().lock();
-    out.write_all(overview.human().as_bytes())
-        .and_then(|()| out.flush())
-        .context("stdout")
+    stdout::print(&overview.human())
 }
 
 impl Args {
@@ -203,7 +200,7 @@ impl Args {
         let file = path.display().to_string();
         say!("{file}");
         match self.json {
-            true => writeln!(io::stdout(), "{}", json!({ "file": file })).context("stdout"),
+            true => stdout::print(&format!("{}\n", json!({ "file": file }))),
             false => Ok(()),
         }
     }

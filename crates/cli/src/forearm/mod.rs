@@ -19,13 +19,13 @@ pub(crate) mod simulate;
 mod touch;
 mod with_touch;
 
+use crate::stdout;
 use crate::wrong_use;
 use anyhow::Context;
 use clap::Subcommand;
 use serde::Serialize;
 use serde_json::json;
 use std::fmt::Write as _;
-use std::io::{self, Write};
 use std::path::{Path, PathBuf};
 use taxel_forearm::{Estimate, Estimator, Model, Session, Squeeze, Trial};
 use taxel_playback::output_file::{OutputFile, refuse_overlap};
@@ -145,10 +145,7 @@ pub(crate) fn run(args: &Args) -> anyhow::Result<()> {
         Command::Figures(args) => figures::run(args)?,
         Command::Fingers(args) => fingers::run(args)?,
     };
-    let mut out = io::stdout().lock();
-    out.write_all(text.as_bytes())
-        .and_then(|()| out.flush())
-        .context("stdout")
+    stdout::print(&text)
 }
 
 fn train(args: &TrainArgs) -> anyhow::Result<String> {
@@ -233,16 +230,14 @@ fn estimate(args: &EstimateArgs) -> anyhow::Result<()> {
         };
         live::run(&model, &sockets, &args.fingers, &args.potentiometers)?;
     }
-    let mut out = io::stdout().lock();
     let mut failed = Vec::new();
     for path in &args.files {
         // What cannot be estimated hides none of the others.
         let mut text = String::new();
         let estimated = estimate_file(&mut text, &model, path, args.json, &mut failed);
-        out.write_all(text.as_bytes()).context("stdout")?;
+        stdout::print(&text)?;
         failed.extend(estimated.err());
     }
-    out.flush().context("stdout")?;
     let Some(last) = failed.pop() else {
         return Ok(());
     };

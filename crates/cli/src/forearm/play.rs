@@ -1,8 +1,8 @@
 //! `taxel sim forearm`: a simulated forearm's touch on the socket of a pressure array, and servos that squeeze it.
 
+use crate::stdout;
 use crate::wrong_use;
 use anyhow::Context;
-use std::io::Write;
 use std::path::Path;
 use std::sync::Arc;
 use std::time::{Duration, Instant};
@@ -100,11 +100,7 @@ fn squeeze_by_servos(
     };
     let potentiometers = playing.potentiometers.map(std::path::absolute).transpose()?;
     let table = joints_table(&std::path::absolute(link)?, potentiometers.as_deref());
-    let mut out = std::io::stdout().lock();
-    out.write_all(table.as_bytes())
-        .and_then(|()| out.flush())
-        .context("stdout")?;
-    drop(out);
+    stdout::print(&table)?;
     let begin = Instant::now();
     for frame in 0.. {
         let due = begin + PERIOD * frame;

@@ -8,11 +8,11 @@ mod text;
 
 use crate::everyday::Ask;
 use crate::seconds::seconds;
+use crate::stdout;
 use crate::{describe, notices};
 use anyhow::Context;
 use families::Format;
 use serde_json::json;
-use std::io::Write;
 use std::net::{SocketAddr, TcpListener, ToSocketAddrs};
 use std::path::{Path, PathBuf};
 use std::sync::atomic::{AtomicBool, Ordering};
@@ -65,7 +65,6 @@ pub(crate) fn run(args: &Args) -> anyhow::Result<()> {
         return http::serve(listener, Daemon::new(&args.ask));
     }
     let Some(path) = &args.textfile else {
-        let mut out = std::io::stdout().lock();
         let status = status(&args.ask);
         if let Err(error) = &status {
             say!("taxel: {error:#}; so taxeld_up is 0");
@@ -75,8 +74,7 @@ pub(crate) fn run(args: &Args) -> anyhow::Result<()> {
         } else {
             Format::Prometheus
         };
-        let text = text::of(status.as_ref().ok(), format);
-        return Ok(out.write_all(text.as_bytes()).and_then(|()| out.flush())?);
+        return stdout::print(&text::of(status.as_ref().ok(), format));
     };
     write_again_and_again(path, args)
 }

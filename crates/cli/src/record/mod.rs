@@ -11,11 +11,11 @@ use crate::control;
 use crate::notices;
 use crate::piped_file::text_parser;
 use crate::seconds::seconds;
+use crate::stdout;
 use crate::wrong_use;
 use anyhow::{Context, anyhow, bail};
 use serde_json::json;
 use signal_hook::consts::SIGUSR1;
-use std::io::Write;
 use std::ops::RangeInclusive;
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
@@ -177,7 +177,7 @@ pub(crate) fn run(args: &Args) -> anyhow::Result<()> {
         notices::say(&line);
     }
     if args.json {
-        writeln!(std::io::stdout(), "{}", outcome::in_json(&finished)).context("stdout")?;
+        stdout::print(&format!("{}\n", outcome::in_json(&finished)))?;
     }
     if let Some(failure) = finished.failure {
         return Err(failure.into());

@@ -15,6 +15,7 @@ use crate::doctor::link::{self, LinkFacts};
 use crate::doctor::report::{Report, Style};
 use crate::doctor::scan::{self, Bus};
 use crate::seconds::seconds;
+use crate::stdout;
 use crate::wrong_use;
 use answers::{Answers, say};
 use anyhow::{Context, bail};
@@ -22,7 +23,6 @@ use hand::Heard;
 use joints::Joints;
 use outcome::{Hand, Origin, Outcome, may_write};
 use place::Pressing;
-use std::io::Write;
 use std::path::{Path, PathBuf};
 use std::time::Duration;
 use taxel_can::{AddressError, SourceAddress};
@@ -124,7 +124,7 @@ pub(crate) fn run(args: &Args) -> anyhow::Result<()> {
         outcome.next_steps(&hand);
     }
     if args.json {
-        writeln!(std::io::stdout(), "{}", outcome.json(&hand, !args.dry_run)).context("stdout")?;
+        stdout::print(&format!("{}\n", outcome.json(&hand, !args.dry_run)))?;
     } else if args.dry_run {
         outcome.print()?;
     }

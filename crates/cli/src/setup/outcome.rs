@@ -3,9 +3,9 @@
 use super::answers::{Answers, say};
 use crate::config::text_for;
 use crate::doctor::{capacity, link};
+use crate::stdout;
 use anyhow::{Context, bail};
 use serde_json::{Value, json};
-use std::io::Write as _;
 use std::path::{Path, PathBuf};
 use taxel_can::SourceAddress;
 use taxel_playback::output_file::{OutputFile, place};
@@ -122,13 +122,12 @@ impl Outcome {
 
     /// Prints the files to stdout instead of writing them.
     pub(super) fn print(&self) -> anyhow::Result<()> {
-        let mut out = std::io::stdout().lock();
         let mut text = String::new();
         if let Some(layout) = self.new_layout() {
             text += &format!("# {}:\n{}\n", layout.path.display(), layout.text);
         }
         text += &format!("# {}:\n{}", self.config_path.display(), self.config);
-        Ok(out.write_all(text.as_bytes()).and_then(|()| out.flush())?)
+        stdout::print(&text)
     }
 
     pub(super) fn json(&self, hand: &Hand, is_written: bool) -> Value {

@@ -6,6 +6,7 @@ mod recording;
 
 use crate::offline::OfflineArgs;
 use crate::seconds::seconds;
+use crate::stdout;
 use crate::terminal::{self, Shown};
 use anyhow::Context;
 use clap::error::ErrorKind;
@@ -17,7 +18,6 @@ use ratatui::crossterm::event::KeyEvent;
 use ratatui::layout::Rect;
 use ratatui::widgets::{Paragraph, Wrap};
 use serde_json::{Value, json};
-use std::io::Write;
 use std::path::{Path, PathBuf};
 use std::sync::{Mutex, MutexGuard};
 use std::time::{Duration, Instant};
@@ -100,7 +100,7 @@ impl Sheet<'_> {
             false,
         );
         match self.path.as_os_str() == "-" {
-            true => print(&svg(&buffer)),
+            true => stdout::print(&svg(&buffer)),
             false => OutputFile::write(self.path, svg(&buffer)),
         }
     }
@@ -296,14 +296,7 @@ fn print_summary(seen: &Seen, name: &str, began_ns: u64) -> anyhow::Result<()> {
         }
     };
     text += &seen.summary(began_ns);
-    print(&text)
-}
-
-pub(crate) fn print(text: &str) -> anyhow::Result<()> {
-    let mut out = std::io::stdout().lock();
-    out.write_all(text.as_bytes())
-        .and_then(|()| out.flush())
-        .context("stdout")
+    stdout::print(&text)
 }
 
 #[cfg(test)]

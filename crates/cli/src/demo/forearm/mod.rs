@@ -4,13 +4,13 @@ mod view;
 
 use super::Args;
 use crate::forearm::simulate;
+use crate::stdout;
 use crate::terminal::{self, Shown};
 use crate::wrong_use;
 use anyhow::{Context, bail};
 use ratatui::Frame;
 use ratatui::crossterm::event::{KeyCode, KeyEvent, KeyEventKind, KeyModifiers};
 use std::fmt::Write as _;
-use std::io::Write as _;
 use std::time::Instant;
 use taxel_forearm::{Estimate, Estimator, Model, Ramp, Squeeze, Trial};
 use taxel_playback::interrupt::Interrupt;
@@ -245,10 +245,7 @@ pub(super) fn run(args: &Args, headless: bool) -> anyhow::Result<()> {
             (end_ms / 1000.0).ceil()
         );
     }
-    let mut out = std::io::stdout().lock();
-    out.write_all(playing.summary().as_bytes())
-        .and_then(|()| out.flush())
-        .context("stdout")
+    stdout::print(&playing.summary())
 }
 
 #[cfg(test)]

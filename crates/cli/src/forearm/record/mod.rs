@@ -8,12 +8,13 @@ mod plan;
 
 use crate::control::Held;
 use crate::notices;
+use crate::stdout;
 use crate::wrong_use;
 use anyhow::{Context, bail};
 use gripper::Gripper;
 use lock::Lock;
 use plan::{Next, Plan, Settings};
-use std::io::{BufRead, Write};
+use std::io::BufRead;
 use std::path::PathBuf;
 use std::sync::mpsc::{Receiver, RecvTimeoutError, channel};
 use std::time::{Duration, Instant};
@@ -240,10 +241,7 @@ fn say(next: &Next, squeeze: &Squeeze) -> anyhow::Result<()> {
         "most_theta_a_deg": squeeze.theta_a_deg.each_ref().map(most),
         "most_theta_p_deg": squeeze.theta_p_deg.each_ref().map(most),
     });
-    let mut out = std::io::stdout().lock();
-    writeln!(out, "{line}")
-        .and_then(|()| out.flush())
-        .context("stdout")
+    stdout::print(&format!("{line}\n"))
 }
 
 /// Lines of the keyboard, which can be waited for without missing Ctrl-C.
