@@ -35,6 +35,7 @@ mod sim;
 mod terminal;
 mod view;
 mod watch;
+mod wrap;
 
 use anyhow::Context;
 use clap::error::ErrorKind;

@@ -22,6 +22,7 @@ pub(crate) mod starting;
 pub(crate) use arguments::Args;
 
 use crate::stdout;
+use crate::wrap::wrap;
 use access::{FileFacts, PortFacts, User};
 use anyhow::{Context, bail};
 use bus_listener::BusListener;
@@ -81,7 +82,7 @@ pub(crate) fn run(args: &Args) -> anyhow::Result<bool> {
         checks: Vec::new(),
     };
     if !args.json {
-        stdout::print(&(report::wrap(&origin, 80).join("\n") + "\n\n"))?;
+        stdout::print(&(wrap(&origin, 80).join("\n") + "\n\n"))?;
     }
     let root = Path::new("/");
     let links = doctor.check_machine(root, &config)?;
@@ -351,7 +352,7 @@ impl Doctor {
                 args.seconds.as_secs_f64()
             ),
         };
-        let lines = report::wrap(&text, 78);
+        let lines = wrap(&text, 78);
         stdout::print(&format!("\n{}\n", lines.join("\n")))
     }
 

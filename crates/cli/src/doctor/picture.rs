@@ -1,5 +1,6 @@
 //! The hand drawn in letters, with its faulty taxels marked.
 
+use crate::wrap::wrap;
 use taxel_hand::{Fault, Faults};
 use taxel_skin::Layout;
 
@@ -71,10 +72,7 @@ pub(super) fn draw(layout: &Layout, marks: &[Option<char>]) -> Vec<String> {
         .filter(|(letter, _)| used(*letter) > 0)
         .map(|(letter, what)| format!("{letter} {what} ({})", used(*letter)))
         .collect();
-    lines.extend(super::report::wrap(
-        &format!("{HEALTHY} healthy, {}", legend.join(", ")),
-        WIDTH,
-    ));
+    lines.extend(wrap(&format!("{HEALTHY} healthy, {}", legend.join(", ")), WIDTH));
     lines
 }
 

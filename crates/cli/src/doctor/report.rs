@@ -1,6 +1,7 @@
 //! The findings for people: at most 80 columns but for commands, colour on a terminal only.
 
 use super::finding::{Check, Mend, State};
+use crate::wrap::wrap;
 use std::io::{self, IsTerminal, Write};
 use taxel_hand::plural;
 use taxel_playback::stand_in::as_named;
@@ -199,23 +200,6 @@ fn is_alike(a: &Check, b: &Check) -> bool {
     let of_one_kind = (a.state, a.area, &a.name) == (b.state, b.area, &b.name) && !b.object.is_empty();
     let same = (&a.found, &a.wanted, &a.mend) == (&b.found, &b.wanted, &b.mend);
     of_one_kind && (same || good(a) && good(b))
-}
-
-/// Breaks a text into lines of at most `width` characters, at blanks where there are any.
-pub(crate) fn wrap(text: &str, width: usize) -> Vec<String> {
-    let mut lines = Vec::new();
-    let mut line = String::new();
-    for word in as_named(text.into()).split_whitespace() {
-        if !line.is_empty() && line.chars().count() + 1 + word.chars().count() > width {
-            lines.push(std::mem::take(&mut line));
-        }
-        if !line.is_empty() {
-            line.push(' ');
-        }
-        line += word;
-    }
-    lines.push(line);
-    lines
 }
 
 /// The last line: how many of each.

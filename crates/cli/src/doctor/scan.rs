@@ -2,9 +2,9 @@
 
 use super::bus_listener::{BusListener, Listener};
 use super::link;
-use super::report;
 use super::starting::Asked;
 use crate::stdout;
+use crate::wrap::wrap;
 use anyhow::bail;
 use serde_json::json;
 use std::io::{self, Write};
@@ -249,7 +249,7 @@ fn tell(scan: &Scan<'_>, buses: &[Bus], found: &Recognition, asked: Option<&Aske
         )),
         (Some(_), None) => {}
     }
-    for line in said.iter().flat_map(|text| report::wrap(text, 80)) {
+    for line in said.iter().flat_map(|text| wrap(text, 80)) {
         let _ = writeln!(io::stderr(), "{line}");
     }
     if let (Some(text), None) = (&text, scan.out) {

@@ -1,6 +1,7 @@
 //! Reports for people.
 
 use super::cell::{CELL, percent, time, within};
+use crate::wrap::wrap;
 use std::fmt::Write;
 use taxel_eval::{EvalReport, MethodReport, ScalingReport};
 
@@ -147,21 +148,7 @@ fn verdict(report: &EvalReport) -> String {
 
 /// A paragraph in lines that fit.
 pub(super) fn wrapped(text: &str) -> String {
-    let mut lines = String::new();
-    let mut width = 0;
-    for word in text.split_whitespace() {
-        let length = word.chars().count();
-        if width > 0 && width + 1 + length > COLUMNS {
-            lines.push('\n');
-            width = 0;
-        } else if width > 0 {
-            lines.push(' ');
-            width += 1;
-        }
-        lines += word;
-        width += length;
-    }
-    lines + "\n"
+    wrap(text, COLUMNS).join("\n") + "\n"
 }
 
 /// What was measured: one frame has no rate.
@@ -201,19 +188,6 @@ mod tests {
     use super::*;
     use taxel_eval::{Cost, Errors, Method, Quantiles};
     use taxel_hand::Profile;
-
-    #[test]
-    fn paragraphs_fit_the_columns_and_lose_no_word() {
-        let text = "a bb ccc ".repeat(60);
-        let got = wrapped(&text);
-        assert!(got.lines().all(|line| line.len() <= COLUMNS) && got.lines().next().unwrap().len() > 95);
-        assert_eq!(
-            got.split_whitespace().collect::<Vec<_>>(),
-            text.split_whitespace().collect::<Vec<_>>()
-        );
-        let long = "x".repeat(130);
-        assert_eq!(wrapped(&format!("a {long} b")), format!("a\n{long}\nb\n"));
-    }
 
     /// Of two methods with these errors and ticks of that many microseconds.
     fn report(paper: Errors, optimal: Errors, us: f64) -> EvalReport {

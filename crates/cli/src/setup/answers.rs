@@ -1,6 +1,6 @@
 //! Questions, and who answers them: a person at a terminal, the lines of stdin, or nobody (`--yes`).
 
-use crate::doctor::report::wrap;
+use crate::wrap::wrap;
 use anyhow::{Context, bail};
 use std::io::{IsTerminal, Write};
 use std::sync::mpsc::{self, Receiver, RecvTimeoutError, TryRecvError};
