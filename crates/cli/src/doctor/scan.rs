@@ -270,93 +270,83 @@ fn sources(buses: &[Bus], found: &Recognition) -> String {
 
 /// What was found on a bus, a sentence each; `unheard` goes on where no board was heard on a live one.
 pub(crate) fn words(bus: &Bus, found: &RecognisedBus, seconds: f64, unheard: &str) -> Vec<String> {
-    let mut lines = Vec::new();
+    let name = &bus.name;
     let advice = match &bus.source {
         SourceAddress::Log { .. } => "",
         _ => unheard,
     };
     if found.frames == 0 {
-        return vec![format!("{}: nothing was heard in {seconds} s{advice}", bus.name)];
+        return vec![format!("{name}: nothing was heard in {seconds} s{advice}")];
     }
     // Somebody, such as a daemon, tells boards to start, and those that are there do not mean themselves by it.
     let is_silent = found.boards.is_empty() && found.others.is_empty();
     if is_silent && found.allegro.is_none() && found.array.is_none() {
         return vec![format!(
-            "{}: no board was heard in {seconds} s, commands and answers alone ({}){advice}",
-            bus.name,
+            "{name}: no board was heard in {seconds} s, commands and answers alone ({}){advice}",
             plural(found.frames as usize, "frame")
         )];
     }
-    let mut protocols: Vec<&str> = found.boards.iter().map(|b| b.protocol.name()).collect();
-    protocols.dedup();
-    let boards: Vec<String> = found
-        .boards
-        .iter()
-        .map(|b| match b.hub {
-            Some(hub) => format!("{hub:#x}/{} ({})", b.board, b.taxels.len()),
-            None => format!("{} ({})", b.board, b.taxels.len()),
-        })
-        .collect();
     if let Some([rows, columns]) = found.array {
         return vec![format!(
-            "{}: a pressure array of {rows} x {columns} taxels; write it into a layout as `protocol = \"pressure-array\"`, \
-             rows = {rows}, columns = {columns} (docs/hardware.md)",
-            bus.name
+            "{name}: a pressure array of {rows} x {columns} taxels; write it into a layout as `protocol = \"pressure-array\"`, \
+             rows = {rows}, columns = {columns} (docs/hardware.md)"
         )];
     }
-    lines.push(match boards.is_empty() {
-        true => format!(
-            "{}: no board of a known skin in {} frames",
-            bus.name, found.frames
-        ),
-        false => format!(
-            "{}: {} of {}: {} (taxels)",
-            bus.name,
-            plural(
-                boards.len(),
-                if found.boards[0].hub.is_some() {
-                    "module"
-                } else {
-                    "board"
-                }
-            ),
-            protocols.join(" and "),
-            boards.join(", ")
-        ),
+    let doubts = found.doubts.iter().map(|doubt| format!("DOUBT: {doubt}"));
+    [boards(found)]
+        .into_iter()
+        .chain(allegro(bus, found))
+        .chain(strangers(found))
+        .chain(doubts)
+        .map(|said| format!("{name}: {said}"))
+        .collect()
+}
+
+fn boards(found: &RecognisedBus) -> String {
+    let Some(first) = found.boards.first() else {
+        return format!("no board of a known skin in {} frames", found.frames);
+    };
+    let kind = if first.hub.is_some() { "module" } else { "board" };
+    let mut protocols: Vec<&str> = found.boards.iter().map(|b| b.protocol.name()).collect();
+    protocols.dedup();
+    let boards = found.boards.iter().map(|b| match b.hub {
+        Some(hub) => format!("{hub:#x}/{} ({})", b.board, b.taxels.len()),
+        None => format!("{} ({})", b.board, b.taxels.len()),
     });
-    if let Some(version) = found.allegro {
-        let version = if version == 4 { "4 or 5" } else { "1, 2 or 3" };
-        lines.push(format!(
-            "{}: an Allegro hand of version {version} reports its joints; [joints] source = \"allegro:{}\"{}",
-            bus.name,
-            bus.source,
-            match found.boards.is_empty() {
-                true => "",
-                false => ". Hand and skin overlap in their ids and belong on different buses",
-            }
-        ));
-    }
-    if !found.others.is_empty() {
-        let ids: Vec<String> = found.others.iter().take(8).map(|id| id_text(*id)).collect();
-        let more = if found.others.len() > ids.len() {
-            ", ..."
-        } else {
-            ""
-        };
-        lines.push(format!(
-            "{}: {} of nobody known: {}{more}",
-            bus.name,
-            plural(found.others.len(), "id"),
-            ids.join(", ")
-        ));
-    }
-    lines.extend(
-        found
-            .doubts
-            .iter()
-            .map(|doubt| format!("{}: DOUBT: {doubt}", bus.name)),
-    );
-    lines
+    format!(
+        "{} of {}: {} (taxels)",
+        plural(found.boards.len(), kind),
+        protocols.join(" and "),
+        boards.collect::<Vec<_>>().join(", ")
+    )
+}
+
+fn allegro(bus: &Bus, found: &RecognisedBus) -> Option<String> {
+    let version = if found.allegro? == 4 {
+        "4 or 5"
+    } else {
+        "1, 2 or 3"
+    };
+    let beside = match found.boards.is_empty() {
+        true => "",
+        false => ". Hand and skin overlap in their ids and belong on different buses",
+    };
+    Some(format!(
+        "an Allegro hand of version {version} reports its joints; [joints] source = \"allegro:{}\"{beside}",
+        bus.source
+    ))
+}
+
+/// Ids that nobody is known to have.
+fn strangers(found: &RecognisedBus) -> Option<String> {
+    let ids: Vec<String> = found.others.iter().take(8).map(|id| id_text(*id)).collect();
+    let more = if found.others.len() > ids.len() {
+        ", ..."
+    } else {
+        ""
+    };
+    let count = plural(found.others.len(), "id");
+    (!ids.is_empty()).then(|| format!("{count} of nobody known: {}{more}", ids.join(", ")))
 }
 
 pub(crate) fn json(bus: &Bus, found: &RecognisedBus) -> serde_json::Value {
