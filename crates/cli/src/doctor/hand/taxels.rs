@@ -2,7 +2,7 @@
 
 use super::{AREA, HandFacts, board_name};
 use crate::doctor::finding::{Check, State};
-use taxel_hand::{Fault, plural};
+use taxel_hand::{Fault, Module, plural};
 use taxel_skin::{BoardState, Layout};
 
 /// A module is called broken when more than this share of its taxels is.
@@ -45,56 +45,53 @@ pub(super) fn check(layout: &Layout, facts: &HandFacts) -> Vec<Check> {
         );
     }
     for (index, module) in layout.modules.iter().enumerate().filter(|(i, _)| speaks(*i)) {
-        let first = usize::from(module.first_taxel);
-        let range = first..first + usize::from(module.taxels);
-        let mut faults: Vec<(String, Vec<u16>)> = Vec::new();
-        let mut bad = 0;
-        for taxel in range {
-            let reasons: Vec<&str> = match facts.dead[taxel] {
-                // Whatever else is wrong with it follows from that.
-                true => vec!["dead"],
-                false => facts.faults[taxel]
-                    .iter()
-                    .filter(|f| *f != Fault::Masked)
-                    .map(Fault::name)
-                    .chain(facts.saturated[taxel].then_some("saturated"))
-                    .collect(),
-            };
-            if !reasons.is_empty() {
-                bad += 1;
-                let (reasons, k) = (reasons.join(" and "), layout.k[taxel]);
-                match faults.iter_mut().find(|(known, _)| *known == reasons) {
-                    Some((_, numbers)) => numbers.push(k),
-                    None => faults.push((reasons, vec![k])),
-                }
-            }
-        }
-        let words: Vec<String> = faults
-            .into_iter()
-            .map(|(reasons, numbers)| format!("k {} {reasons}", ranges(numbers)))
-            .collect();
+        let (bad, words) = faults_of(layout, facts, module);
         let object = board_name(layout, index);
+        let found = format!("{bad} of {}: {words}", module.taxels);
         let broken = bad as f64 > BROKEN_SHARE * f64::from(module.taxels);
         checks.push(match (bad, broken) {
             (0, _) => Check::ok(AREA, "taxels", object, format!("{} healthy", module.taxels)),
-            (_, false) => Check::warning(
-                AREA,
-                "taxels",
-                object,
-                format!("{bad} of {}: {}", module.taxels, words.join("; ")),
-            ),
-            _ => Check::error(
-                AREA,
-                "taxels",
-                object,
-                format!("{bad} of {}: {}", module.taxels, words.join("; ")),
-            )
-            .advise("the module, its I2C cable, or its supply"),
+            (_, false) => Check::warning(AREA, "taxels", object, found),
+            _ => {
+                Check::error(AREA, "taxels", object, found).advise("the module, its I2C cable, or its supply")
+            }
         });
     }
     // What is wrong first; the rest is then told in one.
     checks.sort_by_key(|c| c.state == State::Ok);
     checks
+}
+
+/// How many taxels of a module have a fault, and which have which: `k 1, 4-7 stuck; k 9 dead`.
+fn faults_of(layout: &Layout, facts: &HandFacts, module: &Module) -> (usize, String) {
+    let first = usize::from(module.first_taxel);
+    let mut faults: Vec<(String, Vec<u16>)> = Vec::new();
+    let mut bad = 0;
+    for taxel in first..first + usize::from(module.taxels) {
+        let reasons: Vec<&str> = match facts.dead[taxel] {
+            // Whatever else is wrong with it follows from that.
+            true => vec!["dead"],
+            false => facts.faults[taxel]
+                .iter()
+                .filter(|f| *f != Fault::Masked)
+                .map(Fault::name)
+                .chain(facts.saturated[taxel].then_some("saturated"))
+                .collect(),
+        };
+        if reasons.is_empty() {
+            continue;
+        }
+        bad += 1;
+        let (reasons, k) = (reasons.join(" and "), layout.k[taxel]);
+        match faults.iter_mut().find(|(known, _)| *known == reasons) {
+            Some((_, numbers)) => numbers.push(k),
+            None => faults.push((reasons, vec![k])),
+        }
+    }
+    let words = faults
+        .into_iter()
+        .map(|(reasons, numbers)| format!("k {} {reasons}", ranges(numbers)));
+    (bad, words.collect::<Vec<_>>().join("; "))
 }
 
 /// Numbers in ascending order, three or more that follow one another as a range: `1, 4-7`.
