@@ -58,20 +58,8 @@ pub(super) fn examine(
         })
         .collect();
     let may_send = bus_listener.is_live() && !policy.listen_only && config.boards.mode != BoardsMode::Passive;
-    if may_send {
-        let mut overhear = Overhear {
-            last: vec![None; buses.len()],
-        };
-        if !bus_listener.listen(OVERHEAR_NS, "hearing whether others speak", &mut overhear) {
-            return Ok(None);
-        }
-        let quiet_from_ns = bus_listener.now_ns().saturating_sub(SILENCE_NS);
-        for (bus, facts) in buses.iter_mut().enumerate() {
-            facts.overheard = overhear.last[bus]
-                .filter(|(t_ns, _)| *t_ns >= quiet_from_ns)
-                .map(|(_, id)| id);
-            facts.spoken_to = facts.overheard.is_none() && bus_listener.link(bus) == LinkState::Up;
-        }
+    if may_send && !overhear(bus_listener, &mut buses) {
+        return Ok(None);
     }
     let speakable: Vec<bool> = buses.iter().map(|b| b.spoken_to).collect();
     let speaks = speakable.contains(&true);
@@ -80,18 +68,11 @@ pub(super) fn examine(
     let mut discovery = None;
     if speaks {
         let asking = supervisor.discover(layout).map_err(anyhow::Error::new)?;
-        let mut asking = Asking {
-            discovery: asking,
-            speakable: &speakable,
-        };
-        let go_on = bus_listener.listen(DISCOVERY_NS, "asking who is there", &mut asking);
-        let (mut report, back) = asking.discovery.finish();
-        supervisor = back;
-        only_asked(&mut report, layout, &speakable);
-        discovery = Some(report);
-        if !go_on {
+        let Some((report, back)) = ask(bus_listener, asking, layout, &speakable) else {
             return Ok(None);
-        }
+        };
+        supervisor = back;
+        discovery = Some(report);
     }
 
     let begin_ns = bus_listener.now_ns();
@@ -136,6 +117,38 @@ pub(super) fn examine(
         bus_listener.finish(STOP_NS, &mut hearing);
     }
     Ok(go_on.then_some(facts))
+}
+
+/// Listens for others, and notes on which buses one may speak; `false` where the user stopped it.
+fn overhear(bus_listener: &mut BusListener, buses: &mut [BusFacts]) -> bool {
+    let mut overhear = Overhear {
+        last: vec![None; buses.len()],
+    };
+    if !bus_listener.listen(OVERHEAR_NS, "hearing whether others speak", &mut overhear) {
+        return false;
+    }
+    let quiet_from_ns = bus_listener.now_ns().saturating_sub(SILENCE_NS);
+    for (bus, facts) in buses.iter_mut().enumerate() {
+        facts.overheard = overhear.last[bus]
+            .filter(|(t_ns, _)| *t_ns >= quiet_from_ns)
+            .map(|(_, id)| id);
+        facts.spoken_to = facts.overheard.is_none() && bus_listener.link(bus) == LinkState::Up;
+    }
+    true
+}
+
+/// Asks the boards who they are, and gives their supervisor back; `None` where the user stopped it.
+fn ask(
+    bus_listener: &mut BusListener,
+    discovery: Discovery<BoardSupervisor>,
+    layout: &Layout,
+    speakable: &[bool],
+) -> Option<(DiscoveryReport, BoardSupervisor)> {
+    let mut asking = Asking { discovery, speakable };
+    let go_on = bus_listener.listen(DISCOVERY_NS, "asking who is there", &mut asking);
+    let (mut report, supervisor) = asking.discovery.finish();
+    only_asked(&mut report, layout, speakable);
+    go_on.then_some((report, supervisor))
 }
 
 /// Buses that were not spoken to were not asked, whatever the discovery thinks.
