@@ -9,6 +9,7 @@ use crate::stdout;
 use crate::wrong_use;
 use anyhow::bail;
 use clap::builder::{PathBufValueParser, TypedValueParser};
+use serde::Serialize;
 use serde_json::json;
 use std::path::{Path, PathBuf};
 use taxel_compress::learn_codebook;
@@ -136,11 +137,7 @@ pub(crate) fn run(args: &Args) -> anyhow::Result<()> {
             .transpose()?,
         output: ImageOutput::create(&args.out, format, &config.layout, &config.profile)?,
         frames: args.learn_codebook.as_ref().map(|_| Vec::new()),
-        images: 0,
-        calibrating: 0,
-        with_contact: 0,
-        with_missing: 0,
-        with_faulty: 0,
+        counts: Counts::default(),
         out_of_use: OutOfUse::default(),
         of_counts: false,
         any_change_is_contact: false,
@@ -163,13 +160,7 @@ struct Run {
     raw: Option<RawFrames>,
     /// Every frame's forces, where a codebook is to be learned.
     frames: Option<Vec<ForceFrame>>,
-    images: u64,
-    calibrating: u64,
-    with_contact: u64,
-    /// Images, calibration over, in which a taxel had no value of its time.
-    with_missing: u64,
-    /// Images, calibration over, in which a taxel was out of use.
-    with_faulty: u64,
+    counts: Counts,
     out_of_use: OutOfUse,
     /// Whether it holds what boards sent, and not magnitudes.
     of_counts: bool,
@@ -179,16 +170,34 @@ struct Run {
     has_gaps: bool,
 }
 
-impl Run {
-    fn take(&mut self, felt: &Felt<'_>, image: &TactileImage) -> anyhow::Result<()> {
-        let Felt { measured, force, .. } = *felt;
+/// How many images there are, and of which kinds.
+#[derive(Default, Serialize)]
+struct Counts {
+    images: u64,
+    calibrating: u64,
+    with_contact: u64,
+    /// Calibration over, in which a taxel had no value of its time.
+    with_missing: u64,
+    /// Calibration over, in which a taxel was out of use.
+    with_faulty: u64,
+}
+
+impl Counts {
+    fn take(&mut self, image: &TactileImage) {
         self.images += 1;
-        self.of_counts = measured.is_some();
-        self.any_change_is_contact |= self.of_counts && !force.calibrating && force.threshold == 0.0;
         self.calibrating += u64::from(image.calibrating);
         self.with_contact += u64::from(image.contacts > 0);
         self.with_missing += u64::from(image.missing > 0 && !image.calibrating);
         self.with_faulty += u64::from(image.faulty > 0 && !image.calibrating);
+    }
+}
+
+impl Run {
+    fn take(&mut self, felt: &Felt<'_>, image: &TactileImage) -> anyhow::Result<()> {
+        let Felt { measured, force, .. } = *felt;
+        self.counts.take(image);
+        self.of_counts = measured.is_some();
+        self.any_change_is_contact |= self.of_counts && !force.calibrating && force.threshold == 0.0;
         self.out_of_use.take(force);
         if let Some(frames) = &mut self.frames {
             frames.push(force.clone());
@@ -201,7 +210,8 @@ impl Run {
 
     fn finish(mut self, args: &Args, config: &Config) -> anyhow::Result<()> {
         let levels = config.profile.level_count();
-        let learned = self.frames.map(|frames| learn_codebook(&frames, levels));
+        let learned = self.frames.take();
+        let learned = learned.map(|frames| learn_codebook(&frames, levels));
         if learned.as_ref().is_some_and(Vec::is_empty) {
             let written = match args.out.as_os_str() == "-" {
                 true => "the images are out",
@@ -215,24 +225,48 @@ impl Run {
         if let (Some(raw), Some(path)) = (self.raw.take(), &args.frames) {
             raw.finish(path)?;
         }
-        let Self {
+        self.tell(args, config);
+        if let (Some(path), Some(codebook)) = (&args.learn_codebook, learned) {
+            let profile = Profile {
+                levels,
+                jnd: None,
+                level_steps: LevelSteps::Fitted,
+                codebook_learning: None,
+                codebook,
+                ..config.profile.clone()
+            };
+            profile.check()?;
+            write_codebook(path, args, &profile, &other_levels(&config.profile))?;
+            remark!("{}: {} levels learned", path.display(), profile.codebook.len());
+        }
+        if args.json {
+            let mut object = json!(self.counts);
+            object["out"] = args.out.display().to_string().into();
+            object["width"] = config.layout.width.into();
+            object["height"] = config.layout.height.into();
+            stdout::print(&format!("{object}\n"))?;
+        }
+        Ok(())
+    }
+
+    /// Says what images there are, and what is odd about them.
+    fn tell(&self, args: &Args, config: &Config) {
+        let Counts {
             images,
             calibrating,
             with_contact,
             with_missing,
-            with_faulty,
             ..
-        } = self;
+        } = self.counts;
+        let while_calibrating = match calibrating {
+            0 => String::new(),
+            _ => format!(", {calibrating} while calibrating"),
+        };
         remark!(
-            "{}: {images} images of {}x{}, {with_contact} with contact{}",
+            "{}: {images} images of {}x{}, {with_contact} with contact{while_calibrating}",
             args.out.display(),
             config.layout.height,
             config.layout.width,
-            if calibrating > 0 {
-                format!(", {calibrating} while calibrating")
-            } else {
-                String::new()
-            },
         );
         if images == 0 {
             remark!("taxel: no image: the recording ends before its first tick or sweep is complete");
@@ -258,33 +292,6 @@ impl Run {
                 "taxel: the contact threshold is 0: {ANY_CHANGE_IS_CONTACT}; --conditioning robust measures it over a longer time"
             );
         }
-        if let (Some(path), Some(codebook)) = (&args.learn_codebook, learned) {
-            let profile = Profile {
-                levels,
-                jnd: None,
-                level_steps: LevelSteps::Fitted,
-                codebook_learning: None,
-                codebook,
-                ..config.profile.clone()
-            };
-            profile.check()?;
-            write_codebook(path, args, &profile, &other_levels(&config.profile))?;
-            remark!("{}: {} levels learned", path.display(), profile.codebook.len());
-        }
-        if args.json {
-            let object = json!({
-                "out": args.out.display().to_string(),
-                "width": config.layout.width,
-                "height": config.layout.height,
-                "images": images,
-                "calibrating": calibrating,
-                "with_contact": with_contact,
-                "with_missing": with_missing,
-                "with_faulty": with_faulty,
-            });
-            stdout::print(&format!("{object}\n"))?;
-        }
-        Ok(())
     }
 }
 
