@@ -292,26 +292,9 @@ fn choose(
     answers: &Answers,
     interrupt: &Interrupt,
 ) -> anyhow::Result<Hand> {
-    let fitting: Vec<(&str, Layout)> = Layout::builtin_names()
-        .filter_map(|name| Some((name, Layout::builtin(name)?)))
-        .filter(|(_, layout)| heard.fits(layout))
-        .collect();
-    let is_same = |(_, layout): &&(&str, Layout)| heard.same_buses(layout).is_some();
-    let proposal = match fitting.iter().find(is_same) {
-        Some((name, _)) => name,
-        // Without anybody to press its modules, a hand cannot be told from another of as many.
-        None if args.yes && !args.touch => NEW,
-        None => fitting.first().map_or(NEW, |(name, _)| name),
-    };
     let layout = match &args.layout {
         Some(layout) => layout.clone(),
-        None => {
-            if !fitting.is_empty() {
-                let names: Vec<&str> = fitting.iter().map(|(name, _)| *name).collect();
-                say(&format!("The boards fit {}.", names.join(" and ")));
-            }
-            answers.ask("Which hand is it (a layout's name or file, or `new`)", proposal)?
-        }
+        None => which_hand(args, heard, answers)?,
     };
     let can_press = heard.sources.iter().all(is_live);
     if args.touch && !can_press {
@@ -369,6 +352,26 @@ fn choose(
              boards as they are (--layout new)"
         ),
     }
+}
+
+/// Asks which hand it is: a built-in one that the boards fit is proposed.
+fn which_hand(args: &Args, heard: &Heard, answers: &Answers) -> anyhow::Result<String> {
+    let fitting: Vec<(&str, Layout)> = Layout::builtin_names()
+        .filter_map(|name| Some((name, Layout::builtin(name)?)))
+        .filter(|(_, layout)| heard.fits(layout))
+        .collect();
+    let is_same = |(_, layout): &&(&str, Layout)| heard.same_buses(layout).is_some();
+    let proposal = match fitting.iter().find(is_same) {
+        Some((name, _)) => name,
+        // Without anybody to press its modules, a hand cannot be told from another of as many.
+        None if args.yes && !args.touch => NEW,
+        None => fitting.first().map_or(NEW, |(name, _)| name),
+    };
+    if !fitting.is_empty() {
+        let names: Vec<&str> = fitting.iter().map(|(name, _)| *name).collect();
+        say(&format!("The boards fit {}.", names.join(" and ")));
+    }
+    answers.ask("Which hand is it (a layout's name or file, or `new`)", proposal)
 }
 
 /// Every module has the board that the layout gives it.
