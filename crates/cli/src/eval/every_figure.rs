@@ -1,7 +1,7 @@
 //! Every figure of every method, in two tables.
 
 use super::cell::{WIDE_CELL, percent, ratio, within};
-use super::table::{chosen, contact_truth, what, wrapped};
+use super::table::{self, chosen, contact_truth, what, wrapped};
 use std::fmt::Write;
 use taxel_eval::{EvalReport, MethodReport};
 
@@ -180,22 +180,16 @@ fn table(title: &str, columns: &[Column], methods: &[MethodReport]) -> String {
     let widths = methods.iter().map(|m| m.name.len());
     let fitting = widths.filter(|width| *width <= WIDEST_NAME).max();
     let width = fitting.unwrap_or(0).max(8);
+    // Another blank before each figure.
     let line = |name: &str, cell: &dyn Fn(&Column) -> String| {
-        let name = match name.len() > width {
-            true => format!("{name}\n{:width$}", ""),
-            false => format!("{name:width$}"),
-        };
-        let cells = columns
-            .iter()
-            .map(|column| format!("  {:>WIDE_CELL$}", cell(column)));
-        cells.fold(name, |line, cell| line + &cell) + "\n"
+        let cells: Vec<String> = columns.iter().map(cell).collect();
+        table::line(name, width, &cells, 1 + WIDE_CELL)
     };
-    let lines = methods
-        .iter()
-        .map(|m| line(&m.name, &|column| (column.figure)(m)));
-    lines.fold(line(title, &|column| column.heading.clone()), |table, line| {
-        table + &line
-    })
+    let mut text = line(title, &|column| column.heading.clone());
+    for m in methods {
+        text += &line(&m.name, &|column| (column.figure)(m));
+    }
+    text
 }
 
 /// What the figures of a table are.

@@ -8,7 +8,7 @@ use taxel_eval::{EvalReport, MethodReport, ScalingReport};
 /// No line is longer.
 const COLUMNS: usize = 100;
 /// Longer names stand on a line of their own.
-const NAME: usize = 28;
+pub(super) const NAME: usize = 28;
 
 /// What it comes to in a sentence, what was measured, and a line of figures for each method.
 pub(super) fn main_figures(report: &EvalReport) -> String {
@@ -31,12 +31,13 @@ pub(super) fn main_figures(report: &EvalReport) -> String {
     let head = [
         "shown", "in 7 %", "total", unit, "optimal", "places", "jumps", "us p50", "p99",
     ];
-    text += &line("method", &head.map(String::from), CELL);
+    text += &line("method", NAME, &head.map(String::from), CELL);
     let percent = |share: f64| percent(share, CELL);
     for m in &report.methods {
         let e = &m.errors;
         text += &line(
             &m.name,
+            NAME,
             &[
                 within(e.displayed_nrmse, 3, CELL),
                 percent(e.displayed_weber_share),
@@ -84,11 +85,12 @@ pub(super) fn main_figures(report: &EvalReport) -> String {
     text
 }
 
-/// A name and figures of that width with a blank before each.
-pub(super) fn line(name: &str, cells: &[String], width: usize) -> String {
-    let mut text = match name.len() > NAME {
-        true => format!("{name}\n{:NAME$}", ""),
-        false => format!("{name:NAME$}"),
+/// A name and figures in columns of those widths, with a blank before each figure. A longer name stands on a line of its
+/// own.
+pub(super) fn line(name: &str, name_width: usize, cells: &[String], width: usize) -> String {
+    let mut text = match name.len() > name_width {
+        true => format!("{name}\n{:name_width$}", ""),
+        false => format!("{name:name_width$}"),
     };
     for cell in cells {
         let _ = write!(text, " {cell:>width$}");

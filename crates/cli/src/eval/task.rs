@@ -1,6 +1,6 @@
 //! `taxel eval --task`: what can still be told from one image.
 
-use super::table::{self, wrapped};
+use super::table::{self, NAME, wrapped};
 use super::{Args, advice_on_forces};
 use crate::offline::Held;
 use crate::stdout;
@@ -335,7 +335,7 @@ fn human(report: &Report) -> String {
         true => "  running".into(),
         false => row.name.clone(),
     };
-    let line = |name: &str, cells: &[String]| table::line(name, cells, CELL);
+    let line = |name: &str, cells: &[String]| table::line(name, NAME, cells, CELL);
     let head = [
         "nearest", "logistic", "moved", "logistic", "bits", "levels", "bits", "us",
     ];
