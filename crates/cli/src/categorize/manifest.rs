@@ -1,6 +1,7 @@
 //! Touches that a manifest names.
 
-use super::touches::{Set, above_baseline, of_scene, open, places, tell_assumed_rate, values};
+use super::touches::{Set, above_baseline, of_scene, open, places, values};
+use crate::input::tell_assumed_rate;
 use anyhow::{Context, anyhow, bail, ensure};
 use std::fs::File;
 use std::io::Read;

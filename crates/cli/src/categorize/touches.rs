@@ -1,12 +1,13 @@
 //! Touches of one motion: from a recording cut by marks or contact, or from a scene.
 
+use crate::input::tell_assumed_rate;
 use crate::marks_file;
 use anyhow::{Context, anyhow, bail, ensure};
 use std::path::{Path, PathBuf};
 use taxel_can::Received;
 use taxel_engine::{Engine, Frames, TickMode};
 use taxel_playback::{recorded, stand_in};
-use taxel_record::{DEFAULT_RATE_HZ, FileKind, Frames as Recorded, ReadOptions, Recording};
+use taxel_record::{FileKind, Frames as Recorded, ReadOptions, Recording};
 use taxel_sequence::{
     Aligned, Alignment, Cut, Mark, Motion, SequenceError, Touch, align, cut_by_contact, cut_by_marks,
     sure_step,
@@ -165,19 +166,6 @@ pub(super) fn open(path: &Path, options: &ReadOptions) -> anyhow::Result<Recordi
         Some(FileKind::Mcap) => recorded::frames(path),
         _ => Ok(Recording::open(path, options)?),
     }
-}
-
-/// Says that a recording without times is taken to have come at a rate that nobody gave; whether it is so.
-pub(super) fn tell_assumed_rate(recording: &Recording, options: &ReadOptions) -> bool {
-    let is_assumed = !recording.has_times() && options.rate_hz.is_none();
-    if is_assumed {
-        remark!(
-            "taxel: {}: it has no times (of an .npz: nanoseconds, the array t_ns), and is taken for {DEFAULT_RATE_HZ} frames a \
-             second; --rate HZ says otherwise",
-            recording.name()
-        );
-    }
-    is_assumed
 }
 
 /// The class that a mark names: its last word, where there are several, as in `touch 5 SS`.

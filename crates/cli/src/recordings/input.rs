@@ -9,7 +9,9 @@ use taxel_playback::head::Head;
 use taxel_playback::recorded;
 use taxel_playback::stand_in;
 use taxel_playback::traffic::Traffic;
-use taxel_record::{Columns, FileKind, RATES_HZ, ReadOptions, RecordError, Recording, TimeUnit, Void};
+use taxel_record::{
+    Columns, DEFAULT_RATE_HZ, FileKind, RATES_HZ, ReadOptions, RecordError, Recording, TimeUnit, Void,
+};
 use taxel_sim::Scene;
 use taxel_skin::Layout;
 use taxeld::Config;
@@ -138,6 +140,7 @@ impl InputArgs {
                 path.display()
             );
         }
+        tell_assumed_rate(&recording, &options);
         self.tell_columns(&recording);
         Ok(Input::Frames(recording))
     }
@@ -286,6 +289,19 @@ impl InputArgs {
             .transpose()
             .context("--layout")
     }
+}
+
+/// Says that a recording without times is taken to have come at a rate that nobody gave; whether it is so.
+pub(crate) fn tell_assumed_rate(recording: &Recording, options: &ReadOptions) -> bool {
+    let is_assumed = !recording.has_times() && recording.len() > 1 && options.rate_hz.is_none();
+    if is_assumed {
+        remark!(
+            "taxel: {}: it has no times (of an .npz: nanoseconds, the array t_ns), and is taken for {DEFAULT_RATE_HZ} frames a \
+             second; --rate HZ says otherwise",
+            recording.name()
+        );
+    }
+    is_assumed
 }
 
 /// What no joint of a hand turns by, radians: two turns.
