@@ -87,6 +87,11 @@ impl Progress {
         }
     }
 
+    /// What is left is told by how fast things are done from here on.
+    pub fn time_anew(&self) {
+        self.bar.reset_eta();
+    }
+
     /// So many are done in all.
     pub fn advance_to(&self, done: u64) {
         self.bar.set_position(done);

@@ -170,6 +170,9 @@ impl Registry {
         if let Some(lines) = self.visits.borrow_mut().take_unsaid(Instant::now().into()) {
             tracing::info!("subscribers came and went {lines} times more than this log tells");
         }
+        if let Some(clients) = self.turned_away.borrow_mut().take_unsaid(Instant::now().into()) {
+            tracing::warn!(clients, "turned away");
+        }
     }
 
     /// Counts what subscribers will not be sent any more, given the images of each profile, by its number, and the raw

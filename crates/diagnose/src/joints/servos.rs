@@ -153,11 +153,11 @@ impl Judge<'_> {
                 patience.explained(joint);
             }
         }
-        if self.are_most(Kind::ServoDamaged, DAMAGED, &answers, |a| a.damaged) {
+        if self.are_most(Kind::ServoDamaged, DAMAGED, (&answers, &silent), |a| a.damaged) {
             own.retain(|p| p.kind != Kind::ServoDamaged);
             found.push(most_damaged());
         }
-        let are_late = self.are_most(Kind::ServoLate, LATE, &answers, |a| a.late);
+        let are_late = self.are_most(Kind::ServoLate, LATE, (&answers, &silent), |a| a.late);
         if are_late {
             own.retain(|p| p.kind != Kind::ServoLate);
         }
@@ -168,12 +168,19 @@ impl Judge<'_> {
     }
 
     /// Whether so many answers of more than half of the servos are of this kind that it is told of all of them at once.
-    fn are_most(&self, kind: Kind, least: u64, answers: &[Answers], count: fn(&Answers) -> u64) -> bool {
+    fn are_most(
+        &self,
+        kind: Kind,
+        least: u64,
+        (answers, silent): (&[Answers], &[bool]),
+        count: fn(&Answers) -> u64,
+    ) -> bool {
         // One of a servo is enough to keep up what there is of most, and none too many for one of its own.
         let kept_up = (self.had)(kind, Place::Joints).is_some();
         let is_of_kind = |(joint, answers): &(usize, &Answers)| {
             let come = self.least(kind, Place::Joint(*joint), answers.many(least));
-            count(answers) >= if kept_up { 1 } else { come } || kept_up && answers.none
+            let has_none = kept_up && answers.none && !silent[*joint];
+            has_none || count(answers) >= if kept_up { 1 } else { come }
         };
         let of_kind = answers.iter().enumerate().filter(is_of_kind).count();
         answers.len() > 2 && 2 * of_kind > answers.len()

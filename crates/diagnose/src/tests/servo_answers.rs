@@ -33,6 +33,15 @@ fn answers_that_are_late_or_damaged_from_all_servos_are_one_problem() {
         assert_eq!(bench.bench.kinds(), [kind], "nothing came");
         bench.pass(1000, |_| {});
         assert_eq!(bench.bench.kinds(), [""; 0]);
+        // The cable breaks: three are silent, and the answers of the fourth are well.
+        bench.pass(2000, |view| (0..4).for_each(|joint| change(view, joint)));
+        bench.pass(2000, |view| {
+            for joint in 0..3 {
+                servo(view, joint).alive = false;
+                view.tick.angles[joint] = f32::NAN;
+            }
+        });
+        assert_eq!(bench.bench.kinds(), ["servo-silent"; 3]);
     }
     // A tenth of the answers late: a machine that was busy.
     let mut bench = JointsBench::answering(4);

@@ -172,6 +172,10 @@ impl Player {
             if received.t_ns >= self.window.end || self.interrupt.is_set() {
                 break;
             }
+            if length_ns.is_none() {
+                // What is passed over takes no time.
+                read.time_anew();
+            }
             let since_start = received.t_ns - self.window.start;
             length_ns = Some(since_start);
             if waits {

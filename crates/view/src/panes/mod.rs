@@ -143,7 +143,10 @@ impl Arrangement {
             }
         };
         let (mut stacked, mut raster, size) = best(area.height);
-        for (lower, large) in [(LEAST_LOWER, LARGE.min(size.side)), (ENOUGH_LOWER, VERY_LARGE)] {
+        for (lower, large) in [
+            (LEAST_LOWER, LARGE.min(size.side.floor())),
+            (ENOUGH_LOWER, VERY_LARGE),
+        ] {
             if area.height > lower + HEAD + names + bars + 1 {
                 let (small_stacked, small, small_size): (bool, Raster, Size) = best(area.height - lower);
                 if small_size.side >= large {
