@@ -129,8 +129,10 @@ fn report_changes(state: &State, before: Option<&Snapshot>, now: &Snapshot, told
     }
     if let Some(before) = before {
         report_calibration(state, before, now, &mut told.baselines, at);
-        report_pause(state, before, now, &mut told.pauses, at);
     }
+    // A busy machine may look for the first time when it was asked for already.
+    let was_paused = before.is_some_and(|before| before.paused);
+    report_pause(state, was_paused, now.paused, &mut told.pauses, at);
 }
 
 /// Says which buses are up, and what is wrong with their recordings.
@@ -225,17 +227,17 @@ fn report_calibration(state: &State, before: &Snapshot, now: &Snapshot, lines: &
     state.server.announce(Event::new(kind, text));
 }
 
-fn report_pause(state: &State, before: &Snapshot, now: &Snapshot, lines: &mut LogLines, at: Instant) {
-    if now.paused == before.paused {
+fn report_pause(state: &State, was_paused: bool, is_paused: bool, lines: &mut LogLines, at: Instant) {
+    if is_paused == was_paused {
         return;
     }
-    let text = match now.paused {
+    let text = match is_paused {
         true => "paused: images show no contact until told to resume",
         false => "images show contacts again",
     };
     lines.say(text, at);
     // Images without contacts look like those of a hand that nothing touches.
-    if now.paused {
+    if is_paused {
         let paused = Event::new(EventKind::Paused, text);
         state.server.set_standing(Some(paused));
     } else {
