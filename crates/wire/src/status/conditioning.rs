@@ -1,29 +1,28 @@
 //! What conditioning made of the samples.
 
-use super::report;
+use super::report::report;
 use serde::{Deserialize, Serialize};
 
 report! {
-    /// What conditioning made of the counts of all taxels, in samples unless it says otherwise. A sample may count under
-    /// several.
+    /// What conditioning made of the counts of all taxels. A sample may count under several.
     ConditioningStatus {
-        /// Taken in.
+        /// Samples taken in.
         samples: u64,
-        /// Held back until the next one confirms them, since an axis jumped.
+        /// Samples held back until the next one confirms them, since an axis jumped.
         held: u64,
-        /// Glitches: held back, and not confirmed.
+        /// Glitches: samples held back, and not confirmed.
         glitches: u64,
-        /// In which an axis wrapped around modulo 65,536.
+        /// Samples in which an axis wrapped around modulo 65,536.
         wraps: u64,
-        /// With a step of about half a turn of 65,536, which was taken to go back towards the baseline.
+        /// Samples with a step of about half a turn of 65,536, which was taken to go back towards the baseline.
         ambiguous_steps: u64,
-        /// With which a taxel came to rest a turn or more away from its baseline, and was put back.
+        /// Samples with which a taxel came to rest a turn or more away from its baseline, and was put back.
         corrected_turns: u64,
-        /// With which a taxel's turns had run away beyond any motion, and began anew.
+        /// Samples with which a taxel's turns had run away beyond any motion, and began anew.
         runaways: u64,
-        /// Not used, since they read 0 or 65535 on every axis.
+        /// Samples not used, since they read 0 or 65535 on every axis.
         dead: u64,
-        /// Not used, since their status byte reports an error.
+        /// Samples not used, since their status byte reports an error.
         status_errors: u64,
         /// How often the baseline of a taxel had drifted to its limit and followed no further.
         drift_limited: u64,

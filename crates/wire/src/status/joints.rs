@@ -1,21 +1,22 @@
 //! The joints in the status report. What a source of angles alone has to tell is a part of its own,
 //! which its first key tells from others.
 
-use super::report;
+use super::report::{keys, report};
 use serde::{Deserialize, Serialize};
 
 /// Reports whose first key is required, since that tells whether it is there at all.
 macro_rules! part {
     ($($(#[$doc:meta])* $name:ident {
-        $(#[$of_first:meta])* $first:ident: $first_type:ty,
-        $($(#[$of:meta])* $key:ident: $type:ty,)*
+        $(#[doc = $of_first:literal])* $first:ident: $first_type:ty,
+        $($(#[doc = $about:literal])* $key:ident: $type:ty,)*
     })*) => {$(
         $(#[$doc])*
         #[derive(Debug, Default, Clone, PartialEq, Serialize, Deserialize)]
         pub struct $name {
-            $(#[$of_first])* pub $first: $first_type,
-            $($(#[$of])* #[serde(default)] pub $key: $type,)*
+            $(#[doc = $of_first])* pub $first: $first_type,
+            $($(#[doc = $about])* #[serde(default)] pub $key: $type,)*
         }
+        keys!($name { $(#[doc = $of_first])* $first: $first_type, $($(#[doc = $about])* $key: $type,)* });
     )*};
 }
 
@@ -87,15 +88,15 @@ part! {
         /// After which silence of the daemon motors are switched off, milliseconds; null where
         /// nothing is written.
         watchdog_ms: Option<u32>,
-        /// Writes that were confirmed.
+        /// Writes to servos that were confirmed.
         writes_ok: u64,
-        /// Writes that were not.
+        /// Writes to servos that were not confirmed.
         writes_failed: u64,
-        /// Cycles.
+        /// Rounds of reading all servos.
         cycles: u64,
         /// Requests sent.
         requests: u64,
-        /// Readings of all servos.
+        /// Readings of all servos together.
         readings: u64,
         /// Answers that did not come in time.
         timeouts: u64,
@@ -109,7 +110,7 @@ part! {
         double: u64,
         /// Bytes that belong to no packet.
         noise_bytes: u64,
-        /// Packets of somebody else.
+        /// Packets of servos that are not in the configuration.
         foreign: u64,
     }
 
@@ -173,7 +174,7 @@ part! {
         firmware: Option<u8>,
         /// How long it waits before it answers, microseconds.
         return_delay_us: Option<u16>,
-        /// Readings.
+        /// Readings of the servo.
         readings: u64,
         /// Answers that did not come in time.
         timeouts: u64,
@@ -183,9 +184,9 @@ part! {
         alerts: u64,
         /// Answers that came too late.
         late: u64,
-        /// Second answers to one request: two servos have its id.
+        /// Second answers to one request: two servos have one id.
         double: u64,
-        /// Requests that it refused.
+        /// Requests that the servo refused.
         refused: u64,
     }
 }

@@ -2,26 +2,19 @@
 //!
 //! The daemon fills these, and programs parse them: `serde_json::from_slice::<Status>(text)`. A key
 //! that a daemon does not send has its default; one that is not known here is passed over. Counts
-//! are those since the daemon's start.
+//! are those since the daemon's start; a key is a count if its type is `u64`.
 
 mod conditioning;
 mod joints;
+mod report;
 
 pub use conditioning::ConditioningStatus;
 pub use joints::{AllegroStatus, AnalogueStatus, JointStatus, JointsStatus, ServoStatus, ServosStatus};
+pub use report::{Key, Report};
 
+use report::report;
 use serde::{Deserialize, Deserializer, Serialize};
 use taxel_hand::Profile;
-
-macro_rules! report {
-    ($($(#[$doc:meta])* $name:ident { $($(#[$of:meta])* $key:ident: $type:ty,)* })*) => {$(
-        $(#[$doc])*
-        #[derive(Debug, Default, Clone, PartialEq, Serialize, Deserialize)]
-        #[serde(default)]
-        pub struct $name { $($(#[$of])* pub $key: $type,)* }
-    )*};
-}
-pub(crate) use report;
 
 report! {
     /// Everything the daemon knows of itself and of the hand.
@@ -182,7 +175,7 @@ report! {
         link: String,
         /// State of its controller: `error-active`, `error-warning`, `error-passive` or `bus-off`.
         state: String,
-        /// How often that has changed.
+        /// How often the state of the controller changed.
         state_changes: u64,
         /// Error counters of the controller.
         error_counters: ErrorCounterStatus,
@@ -201,11 +194,11 @@ report! {
         readings: u64,
         /// Readings that renewed a taxel.
         used: u64,
-        /// Frames that belong to nobody.
+        /// Frames that belong to no board and no joint of the layout.
         unknown: u64,
         /// Remote and error frames.
         not_data: u64,
-        /// Commands seen on the bus.
+        /// Commands to boards, seen on the bus.
         commands: u64,
         /// Frames of joints.
         joints: u64,
@@ -223,11 +216,11 @@ report! {
         late: u64,
         /// Readings that came while their board was starting.
         settling: u64,
-        /// Frames that the kernel dropped.
+        /// Frames that the kernel dropped before the daemon read them.
         lost_in_kernel: u64,
         /// Datagrams or lines that were no frame.
         undecodable: u64,
-        /// CAN FD frames among these.
+        /// CAN FD frames among the undecodable ones.
         can_fd: u64,
         /// How often the source was opened anew.
         reopens: u64,
@@ -317,7 +310,7 @@ report! {
         used: u64,
         /// Frames with a taxel's id and another length or content.
         malformed: u64,
-        /// How often it threw its transmit queue away.
+        /// How often the board threw its transmit queue away.
         queue_overflows: u64,
         /// Readings that came again within half a period.
         duplicate: u64,
@@ -325,17 +318,17 @@ report! {
         late: u64,
         /// Readings that never came.
         missed: u64,
-        /// Readings that came while it was starting.
+        /// Readings that came while the board was starting.
         settling: u64,
         /// Sweeps that have ended.
         sweeps: u64,
         /// Readings whose status reports an error.
         status_errors: u64,
-        /// How often it fell silent.
+        /// How often the board fell silent.
         silences: u64,
-        /// How often it was started because it was silent.
+        /// How often the board was started because it was silent.
         restarts: u64,
-        /// How often it calibrated itself anew.
+        /// How often the board calibrated itself anew.
         recalibrations: u64,
         /// Time between two sweeps; null until it is known.
         period_ms: Option<f64>,
