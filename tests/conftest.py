@@ -41,13 +41,14 @@ def folder():
 
 
 @pytest.fixture
-def start(folder, buses):
-    """Starts daemons on the `buses` of the test's folder; all of them are gone after the test."""
+def start(folder, request):
+    """Starts daemons, on the `buses` of the test's folder if no sources are given; all of them are gone after the test."""
     started = []
     numbers = itertools.count()
 
     def start(sources=None, **tables):
-        daemon = Daemon(folder / f"d{next(numbers)}", sources or buses.sources, **{**TABLES, **tables})
+        sources = sources or request.getfixturevalue("buses").sources
+        daemon = Daemon(folder / f"d{next(numbers)}", sources, **{**TABLES, **tables})
         started.append(daemon)
         return daemon.__enter__()
 

@@ -1,6 +1,6 @@
 import pytest
 from harness.bus import MulticastBuses
-from harness.daemon import must_be_built
+from harness.daemon import Programs, must_be_built
 from harness.servos import Servos
 
 
@@ -12,6 +12,18 @@ def pytest_configure():
 def buses(hand):
     with MulticastBuses(len(hand.buses)) as buses:
         yield buses
+
+
+@pytest.fixture
+def play(folder):
+    """Starts `taxel sim` of a scene to these sources; it is gone after the test."""
+    with Programs() as taxel, (folder / "sim.log").open("wb") as log:
+
+        def play(scene, sources, *options):
+            targets = [argument for source in sources for argument in ("--to", source)]
+            return taxel("sim", scene, *targets, *options, stdout=log, stderr=log)
+
+        yield play
 
 
 @pytest.fixture

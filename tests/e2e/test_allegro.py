@@ -9,7 +9,7 @@ from contextlib import ExitStack
 import can
 import pytest
 from harness.bus import GROUP, free_udp_port
-from harness.daemon import Daemon, binary, die_with_parent
+from harness.daemon import Daemon, binary
 from harness.joints import SCENE, TICK, Watch, all_known, comes, refused
 
 COUNT_RAD = math.radians(333.3 / 65536)
@@ -144,7 +144,7 @@ def test_a_hand_and_a_skin_with_the_same_ids_on_one_bus_are_refused_by_name(fold
 
 
 @pytest.mark.parametrize("version", [3, 4])
-def test_a_hand_on_the_skins_bus_is_read_beside_it_and_either_goes_on_without_the_other(folder, version):
+def test_a_hand_on_the_skins_bus_is_read_beside_it_and_either_goes_on_without_the_other(folder, play, version):
     port = free_udp_port()
     address = f"udp:{GROUP}:{port}?hops=0"
     counts = [[900 * finger - 120 * j for j in range(4)] for finger in range(4)]
@@ -175,13 +175,7 @@ def test_a_hand_on_the_skins_bus_is_read_beside_it_and_either_goes_on_without_th
         heard = {ear.recv(5).arbitration_id for _ in range(400)}
         assert heard == hand_ids | {0x201}, "something else than the start of the skin's board was sent"
 
-        with (folder / "sim.log").open("wb") as log:
-            skin = subprocess.Popen(
-                [binary("taxel"), "sim", "roll", "--layout", "uskin-module", "--to", address],
-                stderr=log,
-                preexec_fn=die_with_parent,
-            )
-        ends.callback(skin.kill)
+        skin = play("roll", [address], "--layout", "uskin-module")
         image = watch.until(lambda image: image["missing"] == 0 and image["contacts"] > 0, "no touch is seen")
         assert image["joints"] == pytest.approx(angles, abs=1e-6)
         status = daemon.wait_status(lambda s: s["problems"] == [], "there are problems")

@@ -2,7 +2,6 @@
 them before they speak. Every image is then the publication's, made from the counts of its own tick."""
 
 import re
-import subprocess
 import tomllib
 
 import numpy as np
@@ -10,11 +9,9 @@ import pytest
 import taxel_reader
 from conditioning import DAEMON_SETTINGS
 from harness.bus import MulticastBuses
-from harness.compare import Reference, assert_same
-from harness.daemon import binary, die_with_parent
+from harness.compare import Reference, assert_same, pairs
 from harness.hand import LAYOUTS
 from sequential_clustering import Profile
-from test_scenes import pairs
 
 
 class Places:
@@ -58,40 +55,21 @@ def patch(request, folder):
 
 
 @pytest.fixture
-def bus():
+def buses():
+    """The patch's only bus."""
     with MulticastBuses(1) as buses:
         yield buses
 
 
 @pytest.fixture
-def simulate(bus, folder, patch):
-    running = []
-
-    def simulate(scene):
-        arguments = ["sim", scene, "--layout", patch[0], "--seed", "5", "--to", bus.sources[0]]
-        with (folder / "sim.log").open("wb") as log:
-            running.append(
-                subprocess.Popen([binary("taxel"), *arguments], stderr=log, preexec_fn=die_with_parent)
-            )
-        return running[-1]
-
-    yield simulate
-    for process in running:
-        process.kill()
-        process.wait()
+def simulate(buses, play, patch):
+    return lambda scene: play(scene, buses.sources, "--layout", patch[0], "--seed", "5")
 
 
-@pytest.fixture
-def buses():
-    """The daemon of these tests is given its sources."""
-    yield None
-
-
-def test_every_image_fits_the_counts_that_the_boards_sent(start, simulate, bus, patch):
+def test_every_image_fits_the_counts_that_the_boards_sent(start, simulate, patch):
     path, places = patch
     simulate("roll")
     daemon = start(
-        sources=bus.sources,
         layout=path,
         # Half of the boards' rate: every tick has new values, as the publication's calibration on two frames wants it.
         tick={"mode": "timer", "rate_hz": 10.0},
@@ -136,18 +114,10 @@ def two_hubs():
     return "".join([head, "[[cyskin.hub]]", hub, "[[cyskin.hub]]", other(hub), "[[module]]", module, "\n[[module]]", other(module)])
 
 
-def test_cyskin_hubs_on_each_others_bus_are_started_there_and_told_of(start, folder):
+def test_cyskin_hubs_on_each_others_bus_are_started_there_and_told_of(start, play, folder):
     layout = folder / "two-hubs.toml"
     layout.write_text(two_hubs())
     with MulticastBuses(2) as buses:
-
-        def plug(order):
-            to = [argument for bus in order for argument in ("--to", buses.sources[bus])]
-            with (folder / "sim.log").open("ab") as log:
-                return subprocess.Popen(
-                    [binary("taxel"), "sim", "idle", "--layout", layout, *to], stderr=log, preexec_fn=die_with_parent
-                )
-
         daemon = start(
             sources=buses.sources,
             layout=layout,
@@ -155,33 +125,26 @@ def test_cyskin_hubs_on_each_others_bus_are_started_there_and_told_of(start, fol
             boards={"mode": "free-running"},
             sweep={},
         )
-        swapped = plug([1, 0])
-        try:
-            status = daemon.wait_status(
-                lambda s: [p["kind"] for p in s["problems"]] == ["buses-swapped"], "swapped hubs are not told of"
-            )
-            (problem,) = status["problems"]
-            assert "can0 and can1 look swapped: 2 boards that only one of them has" in problem["sentence"], problem
-            assert buses.sources[0] in problem["sentence"] and problem["severe"]
-        finally:
-            swapped.kill()
-            swapped.wait()
-        right = plug([0, 1])
-        try:
-            status = daemon.wait_status(
-                lambda s: not s["problems"] and {b["state"] for b in s["boards"]} == {"living"}, "it is never over"
-            )
-            assert all(0 < b["load_percent"] < b["load_percent_most"] < 1.25 * b["load_percent"] for b in status["buses"])
-        finally:
-            right.kill()
-            right.wait()
+        swapped = play("idle", reversed(buses.sources), "--layout", layout)
+        status = daemon.wait_status(
+            lambda s: [p["kind"] for p in s["problems"]] == ["buses-swapped"], "swapped hubs are not told of"
+        )
+        (problem,) = status["problems"]
+        assert "can0 and can1 look swapped: 2 boards that only one of them has" in problem["sentence"], problem
+        assert buses.sources[0] in problem["sentence"] and problem["severe"]
+        swapped.kill()
+        swapped.wait()
+        play("idle", buses.sources, "--layout", layout)
+        status = daemon.wait_status(
+            lambda s: not s["problems"] and {b["state"] for b in s["boards"]} == {"living"}, "it is never over"
+        )
+        assert all(0 < b["load_percent"] < b["load_percent_most"] < 1.25 * b["load_percent"] for b in status["buses"])
 
 
-def test_boards_come_up_feel_the_ball_and_nothing_is_misunderstood(start, simulate, bus, patch):
+def test_boards_come_up_feel_the_ball_and_nothing_is_misunderstood(start, simulate, patch):
     path, places = patch
     simulate("roll")
     daemon = start(
-        sources=bus.sources,
         layout=path,
         tick={"mode": "sweep"},
         boards={"mode": "free-running"},
@@ -208,11 +171,10 @@ def test_boards_come_up_feel_the_ball_and_nothing_is_misunderstood(start, simula
     assert status["faults"] == [], status["faults"]
 
 
-def test_boards_that_are_gone_are_told_and_started_from_the_beginning_when_they_are_back(start, simulate, bus, patch):
+def test_boards_that_are_gone_are_told_and_started_from_the_beginning_when_they_are_back(start, simulate, patch):
     path, _ = patch
     first = simulate("idle")
     daemon = start(
-        sources=bus.sources,
         layout=path,
         boards={"mode": "free-running", "restart_longest_ms": 1000.0},
         sweep={},

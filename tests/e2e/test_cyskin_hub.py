@@ -1,15 +1,12 @@
 """CySkin hubs of a program of its own (harness/cyskin.py) on the real daemon, and that program on the simulated hub."""
 
-import subprocess
 import time
 from pathlib import Path
 
 import can
-import pytest
 import taxel_reader
 from harness import cyskin
 from harness.bus import MulticastBuses
-from harness.daemon import binary, die_with_parent
 
 VECTORS = Path(__file__).resolve().parents[2] / "crates/skin/tests/vectors/cyskin.txt"
 HUB, MODULES = 0x2A, [3, 4, 9]
@@ -39,12 +36,6 @@ def listen(hub, bus, seconds):
     while (heard := bus.recv(seconds)) is not None:
         if heard.arbitration_id & 0xFF == cyskin.EVERYBODY:
             hub.hear(heard.arbitration_id, heard.data)
-
-
-@pytest.fixture
-def buses():
-    """The daemon of these tests is given its sources."""
-    yield None
 
 
 def test_the_vectors_of_the_crate_are_those_of_this_implementation():
@@ -83,33 +74,27 @@ def test_a_hub_is_started_as_the_library_does_and_its_values_are_read(start, fol
     assert hub.heard[-1] == "5FF#370100C9" and not hub.sends
 
 
-def test_the_simulated_hub_is_one_to_this_implementation(folder):
+def test_the_simulated_hub_is_one_to_this_implementation(folder, play):
     path = folder / "hub.toml"
     path.write_text(layout_text())
     reader, seen = cyskin.Reader(), {}
     with MulticastBuses(1) as buses:
-        arguments = ["sim", "idle", "--layout", path, "--seed", "5", "--to", buses.sources[0]]
-        with (folder / "sim.log").open("wb") as log:
-            simulator = subprocess.Popen([binary("taxel"), *arguments], stderr=log, preexec_fn=die_with_parent)
-        try:
-            limit = time.monotonic() + 60
-            while len(seen) < len(MODULES) * cyskin.SENSORS and time.monotonic() < limit:
-                if not seen:
-                    start = [(cyskin.AUTO_SYNC_PERIOD, [0, 20]), (cyskin.AUTO_SYNC, [1])]
-                    for command, data in start:
-                        buses.send([(0, message(*frame)) for frame in cyskin.frames(cyskin.EVERYBODY, command, data)])
-                while (heard := buses.buses[0].recv(0.2)) is not None and time.monotonic() < limit:
-                    if heard.arbitration_id & 0xFF != HUB:
-                        continue
-                    packet = reader.take(heard.arbitration_id, heard.data)
-                    if packet is not None:
-                        hub, command, data = packet
-                        assert (hub, command) == (HUB, cyskin.SENSOR_DATA) and len(data) <= 40
-                        seen.update({(module, sensor): z for module, sensor, z in cyskin.values_of(data)})
-                        if len(seen) == len(MODULES) * cyskin.SENSORS:
-                            break
-        finally:
-            simulator.kill()
-            simulator.wait()
+        play("idle", buses.sources, "--layout", path, "--seed", "5")
+        limit = time.monotonic() + 60
+        while len(seen) < len(MODULES) * cyskin.SENSORS and time.monotonic() < limit:
+            if not seen:
+                start = [(cyskin.AUTO_SYNC_PERIOD, [0, 20]), (cyskin.AUTO_SYNC, [1])]
+                for command, data in start:
+                    buses.send([(0, message(*frame)) for frame in cyskin.frames(cyskin.EVERYBODY, command, data)])
+            while (heard := buses.buses[0].recv(0.2)) is not None and time.monotonic() < limit:
+                if heard.arbitration_id & 0xFF != HUB:
+                    continue
+                packet = reader.take(heard.arbitration_id, heard.data)
+                if packet is not None:
+                    hub, command, data = packet
+                    assert (hub, command) == (HUB, cyskin.SENSOR_DATA) and len(data) <= 40
+                    seen.update({(module, sensor): z for module, sensor, z in cyskin.values_of(data)})
+                    if len(seen) == len(MODULES) * cyskin.SENSORS:
+                        break
     assert sorted(seen) == [(m, s) for m in MODULES for s in range(cyskin.SENSORS)]
     assert all(19_900 < z < 26_100 for (_, sensor), z in seen.items() if sensor > 0), seen

@@ -4,21 +4,19 @@ when its cause is.
 The same on real SocketCAN, with the kernel's own states, is in tests/vcan/test_faults.py.
 """
 
-import subprocess
 import time
 import tomllib
 
 import pytest
-from harness.daemon import binary, die_with_parent
+from harness.daemon import kinds, problem
 from harness.hand import LAYOUTS
 
 FREE_RUNNING = {"tick": {"mode": "timer", "rate_hz": 30.0}, "boards": {"mode": "free-running"}, "sweep": {}}
 
 
 @pytest.fixture
-def simulate(buses, folder):
+def simulate(buses, play, folder):
     """Starts `taxel sim` with these faults; the time it began. `order` says which of the buses are the hand's."""
-    running = []
 
     def simulate(faults, seconds=60, order=(0, 1), boards=""):
         text = f'name = "faults"\nseconds = {seconds}\n[boards]\nrate_hz = 25\n{boards}\n'
@@ -26,24 +24,10 @@ def simulate(buses, folder):
             text += "\n[[fault]]\n" + "".join(f"{k} = {v!r}\n".replace("'", '"') for k, v in fault.items())
         scene = folder / "faults.toml"
         scene.write_text(text)
-        targets = [a for n in order for a in ("--to", buses.sources[n])]
-        with (folder / "sim.log").open("wb") as log:
-            command = [binary("taxel"), "sim", scene, *targets]
-            running.append(subprocess.Popen(command, stdout=log, stderr=log, preexec_fn=die_with_parent))
+        play(scene, [buses.sources[n] for n in order])
         return time.monotonic()
 
-    yield simulate
-    for process in running:
-        process.kill()
-        process.wait()
-
-
-def kinds(status):
-    return sorted({p["kind"] for p in status["problems"]})
-
-
-def problem(status, kind):
-    return next((p for p in status["problems"] if p["kind"] == kind), None)
+    return simulate
 
 
 def all_living(daemon, but=()):

@@ -8,8 +8,8 @@ import threading
 import pytest
 import taxel_reader
 from harness.bus import MulticastBuses
-from harness.daemon import eventually
-from harness.phantom import Categorizer, Phantom, Programs, output_of, two_categories
+from harness.daemon import Programs, eventually
+from harness.phantom import Categorizer, Phantom, output_of, two_categories
 
 AREAS = 16
 # Shallow, so that a round of the scene is short; its touches can be told apart all the same.

@@ -1,53 +1,20 @@
 """The simulator's scenes through the bus, at the daemon's own tick: each image against the counts it was made from."""
 
 import signal
-import subprocess
 
 import numpy as np
 import pytest
 import taxel_reader
 from conditioning import DAEMON_SETTINGS
-from harness.compare import Reference, assert_same
-from harness.daemon import binary, die_with_parent
+from harness.compare import Reference, assert_same, pairs
 from sequential_clustering import Profile
 
 SCENES = ["tap", "ball-grasp", "slip", "worst-case"]
 
 
 @pytest.fixture
-def simulate(buses, folder):
-    """Starts `taxel sim` on the test's buses; it is gone after the test."""
-    running = []
-
-    def simulate(scene):
-        targets = [a for source in buses.sources for a in ("--to", source)]
-        with (folder / "sim.log").open("wb") as log:
-            running.append(
-                subprocess.Popen(
-                    [binary("taxel"), "sim", scene, "--seed", "5", *targets], stderr=log, preexec_fn=die_with_parent
-                )
-            )
-        return running[-1]
-
-    yield simulate
-    for process in running:
-        process.kill()
-        process.wait()
-
-
-def pairs(reader, count):
-    """`count` times the image and the raw counts of one tick."""
-    images, raws, done = {}, {}, 0
-    while done < count:
-        message = reader.receive(20)
-        assert message is not None, "the daemon sends nothing more"
-        if isinstance(message, taxel_reader.Image):
-            images[message.seq] = message
-        elif isinstance(message, taxel_reader.Raw):
-            raws[message.header.seq] = message
-        for seq in images.keys() & raws.keys():
-            yield images.pop(seq), raws.pop(seq)
-            done += 1
+def simulate(buses, play):
+    return lambda scene: play(scene, buses.sources, "--seed", "5")
 
 
 @pytest.mark.parametrize("scene", SCENES)

@@ -53,12 +53,6 @@ def hands():
     }
 
 
-@pytest.fixture
-def buses():
-    """The daemon of these tests is given its sources."""
-    yield None
-
-
 def count(n, axis):
     return 5_000 + 301 * n + 7 * axis
 

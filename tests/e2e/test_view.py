@@ -5,16 +5,9 @@ import socket
 import subprocess
 
 import pyte
-import pytest
 from harness.bus import GROUP, free_udp_port
 from harness.daemon import binary, eventually
 from harness.terminal import Terminal
-
-
-@pytest.fixture
-def buses():
-    """The daemon of these tests simulates its own."""
-    yield None
 
 
 def test_of_a_daemon_that_says_nothing_it_is_told_that_it_may_hang(folder):

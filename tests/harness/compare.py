@@ -1,6 +1,7 @@
 """A received image against the reference's."""
 
 import numpy as np
+import taxel_reader
 from conditioning import Conditioner
 from sequential_clustering import compress
 
@@ -31,6 +32,21 @@ def assert_same(image, expected, where):
     want = [(*a[:4], float(np.float32(a[4]))) for a in expected.actuators]
     assert got == want, f"{where}: actuators are {sorted({*got} - {*want})}, not {sorted({*want} - {*got})}"
     assert np.array_equal(pixels, expected.pixels), f"{where}: pixels differ at {np.argwhere(pixels != expected.pixels)}"
+
+
+def pairs(reader, count):
+    """`count` times the image and the raw counts of one tick."""
+    images, raws, done = {}, {}, 0
+    while done < count:
+        message = reader.receive(20)
+        assert message is not None, "the daemon sends nothing more"
+        if isinstance(message, taxel_reader.Image):
+            images[message.seq] = message
+        elif isinstance(message, taxel_reader.Raw):
+            raws[message.header.seq] = message
+        for seq in images.keys() & raws.keys():
+            yield images.pop(seq), raws.pop(seq)
+            done += 1
 
 
 def content(image):

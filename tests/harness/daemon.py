@@ -63,6 +63,28 @@ def toml(value, within=""):
     return repr(value)
 
 
+class Programs:
+    """`taxel`, as often as it is started; every one is gone at the end."""
+
+    def __init__(self):
+        self.running = []
+
+    def __call__(self, *arguments, **pipes):
+        process = subprocess.Popen(
+            [binary("taxel"), *map(str, arguments)], preexec_fn=die_with_parent, text=True, **pipes
+        )
+        self.running.append(process)
+        return process
+
+    def __enter__(self):
+        return self
+
+    def __exit__(self, *_):
+        for process in self.running:
+            process.kill()
+            process.wait()
+
+
 class Daemon:
     """A running taxeld. Use it as a context: the process is gone afterwards, whatever happened.
 
@@ -176,6 +198,16 @@ class Daemon:
                 message = reader.receive(60)
                 assert message is not None, f"no report within 60 s:\n{self.log}"
                 reports += message.header.type == taxel_reader.STATUS
+
+
+def kinds(status):
+    """The kinds of what is wrong."""
+    return sorted({p["kind"] for p in status["problems"]})
+
+
+def problem(status, kind):
+    """The first problem of this kind, None where there is none."""
+    return next((p for p in status["problems"] if p["kind"] == kind), None)
 
 
 def ask(connection, request):

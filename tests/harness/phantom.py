@@ -4,7 +4,7 @@ import json
 import subprocess
 import threading
 
-from harness.daemon import binary, die_with_parent, eventually
+from harness.daemon import binary, eventually
 
 
 def output_of(*arguments):
@@ -17,28 +17,6 @@ def lines_of(stream):
     lines = []
     threading.Thread(target=lambda: lines.extend(iter(stream.readline, "")), daemon=True).start()
     return lines
-
-
-class Programs:
-    """`taxel`, as often as it is started; every one is gone at the end."""
-
-    def __init__(self):
-        self.running = []
-
-    def __call__(self, *arguments, **pipes):
-        process = subprocess.Popen(
-            [binary("taxel"), *map(str, arguments)], preexec_fn=die_with_parent, text=True, **pipes
-        )
-        self.running.append(process)
-        return process
-
-    def __enter__(self):
-        return self
-
-    def __exit__(self, *_):
-        for process in self.running:
-            process.kill()
-            process.wait()
 
 
 class Phantom:

@@ -3,7 +3,7 @@
 import pytest
 import rustypot
 
-from harness.servos import BAUD, Servos
+from harness.servos import BAUD
 
 IDS = list(range(1, 17))
 MODEL = 1030
@@ -21,13 +21,6 @@ REGISTERS = {
     "present_input_voltage": (144, 2),
     "present_temperature": (146, 1),
 }
-
-
-@pytest.fixture
-def bus():
-    bus = Servos("--ids", "1-16")
-    yield bus
-    bus.close()
 
 
 @pytest.fixture

@@ -8,7 +8,7 @@ import pytest
 
 from harness.daemon import eventually
 from harness.sdk_port import SdkPort
-from harness.servos import BAUD, Servos, example
+from harness.servos import BAUD, example
 
 IDS = range(1, 17)
 MODEL = 1030
@@ -17,13 +17,6 @@ LED, TORQUE, RETURN_LEVEL, HARDWARE_ERROR = 65, 64, 68, 70
 RETURN_DELAY, GOAL_PWM, GOAL_VELOCITY, GOAL_POSITION = 9, 100, 104, 116
 PRESENT_PWM, PRESENT_POSITION, VOLTAGE, TEMPERATURE = 124, 132, 144, 146
 ALERT = 128
-
-
-@pytest.fixture
-def bus():
-    bus = Servos("--ids", "1-16")
-    yield bus
-    bus.close()
 
 
 def open_port(bus):

@@ -9,7 +9,7 @@ import time
 import can
 import pytest
 from harness.boards import AllegroFingers, Babbler, Board, BoardsOnTheBus
-from harness.daemon import eventually
+from harness.daemon import eventually, kinds, problem
 from harness.slcan import SlcanAdapter
 
 BUSOFF, CRTL, COUNTERS, RESTARTED = 0x040, 0x004, 0x200, 0x100  # linux/can/error.h
@@ -55,7 +55,7 @@ def boards_of(layout_buses=("left", "right")):
 
 
 @pytest.fixture
-def play(start, layout, buses):
+def play(buses, start, layout):
     """A daemon and its boards, on the buses of the test or the interfaces given."""
     playing = []
 
@@ -74,14 +74,6 @@ def play(start, layout, buses):
 
 def count_living(status):
     return sum(b["state"] == "living" for b in status["boards"])
-
-
-def kinds(status):
-    return sorted({p["kind"] for p in status["problems"]})
-
-
-def problem(status, kind):
-    return next((p for p in status["problems"] if p["kind"] == kind), None)
 
 
 def comes(daemon, kind, *words, seconds=60):
