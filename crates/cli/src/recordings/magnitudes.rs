@@ -19,11 +19,12 @@ pub(crate) fn of_another_size(recording: &Recording, layout: &Layout, input: &In
         true => format!("{has}, and {} x {} are {wanted}", layout.height, layout.width),
         false => format!("{has} and layout {} has {wanted}", layout.name),
     };
-    if recording.len() == wanted {
-        return anyhow::anyhow!(
-            "{and_layout}, as many as there are frames; time is the first axis, so give it turned, a.T"
-        );
-    }
+    let and_layout = match input.layout.is_some() && recording.len() == wanted {
+        true => format!(
+            "{and_layout}, as many as there are frames; time is the first axis: where it is the last, give it turned, a.T"
+        ),
+        false => and_layout,
+    };
     let place = match input.is_grid() {
         true => format!("--layout grid:HxW names rows and columns whose product is {taxels}"),
         false => "place them with --layout grid:HxW".into(),

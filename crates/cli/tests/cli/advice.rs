@@ -167,6 +167,17 @@ fn time_that_is_the_last_axis_is_told() {
         err.contains("has 300 taxels, and 4 x 4 are 16, as many as there are frames; time is the first axis"),
         "{err}"
     );
+    assert!(
+        err.contains("names rows and columns whose product is 300"),
+        "{err}"
+    );
+    // As many frames as the default hand has taxels.
+    write_npy(dir.path().join("in.npy"), &Array2::<f64>::zeros((240, 16))).unwrap();
+    let err = fails(&dir, &compress, 1);
+    assert!(
+        err.contains("has 240; place them with --layout grid:HxW"),
+        "{err}"
+    );
 }
 
 #[test]
