@@ -1,5 +1,6 @@
 //! What the columns of a csv file are.
 
+use crate::csv_axes::named_axes;
 use crate::table::{ColumnNames, ReadOptions, TimeUnit};
 use csv::ByteRecord;
 use std::collections::BTreeMap;
@@ -101,7 +102,7 @@ impl LineColumns {
         }
         let counts = match (are_of_boards, options.columns) {
             (true, _) => Some(counts(&skin, &axes, &names)?),
-            (false, None) => named_axes(&skin, &names)?,
+            (false, None) => named_axes(&skin, &names, !joints.is_empty())?,
             (false, Some(_)) => None,
         };
         let are_counts = counts.is_some();
@@ -208,46 +209,6 @@ fn counts(skin: &[usize], axes: &[Option<Axis>], names: &[&str]) -> Result<Vec<u
         }
     }
     Ok(order)
-}
-
-/// The columns of names that are in threes x, y and z of a taxel, such as `txl1_x` or `Bx1`, in the order of their first ones;
-/// none where no three are.
-fn named_axes(skin: &[usize], names: &[&str]) -> Result<Option<Vec<usize>>, String> {
-    let mut taxels: Vec<(String, [Option<usize>; 3])> = Vec::new();
-    for &column in skin {
-        let Some((of, axis)) = axis_of(names[column]) else {
-            continue;
-        };
-        let known = taxels.iter().position(|(known, _)| *known == of);
-        let place = known.unwrap_or_else(|| {
-            taxels.push((of, [None; 3]));
-            taxels.len() - 1
-        });
-        taxels[place].1[axis].get_or_insert(column);
-    }
-    let whole = taxels.into_iter().filter_map(|(_, [x, y, z])| Some([x?, y?, z?]));
-    let order: Vec<usize> = whole.flatten().collect();
-    let Some(first) = order.first() else {
-        return Ok(None);
-    };
-    match skin.iter().find(|column| !order.contains(column)) {
-        None => Ok(Some(order)),
-        Some(other) => Err(format!(
-            "column {:?} is neither x, y nor z of a taxel, as {:?} is; cut it out, and all others like it",
-            names[*other], names[*first]
-        )),
-    }
-}
-
-/// What a column of this name is an axis of, and of the axes which.
-fn axis_of(name: &str) -> Option<(String, usize)> {
-    let name = name.to_ascii_lowercase();
-    let head = name.trim_end_matches(|c: char| c.is_ascii_digit() || c == '_');
-    let axis = "xyz".find(head.chars().last()?)?;
-    Some((
-        format!("{} {}", &head[..head.len() - 1], &name[head.len()..]),
-        axis,
-    ))
 }
 
 /// Whether a column says by its name that it is time, and in which unit. A `t` is time where it is the first, and may else be a

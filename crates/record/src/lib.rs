@@ -13,6 +13,7 @@
 //! `.parquet`.
 
 mod csv;
+mod csv_axes;
 mod csv_columns;
 mod error;
 mod idle;

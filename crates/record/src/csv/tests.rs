@@ -345,8 +345,39 @@ fn names_that_end_in_axes_are_counts() {
             ":1: column \"strip1\" is neither x, y nor z of a taxel, as \"X\" is; cut it out",
         ),
         ("Bx0,By0,Bz0\n0.5,-3,4\n", "numpy.round(10 * a) + 32768"),
+        (
+            "strip,x1,y1,z1\n1,2,3,4\n",
+            ":1: column \"strip\" is neither x, y nor z of a taxel, as \"x1\" is; cut it out, and all others like it, or say \
+             with --columns",
+        ),
+        (
+            "time,x1,y1,z1,q0,q1\n0,2,3,4,0.5,0.6\n",
+            "column \"q0\" is neither x, y nor z of a taxel, as \"x1\" is; cut it out, and all others like it, say with \
+             --joint-columns 2 that",
+        ),
+        (
+            "x,y,z,x,y,z\n1,2,3,4,5,6\n",
+            ":1: column \"x\" comes twice; say with --columns xyz-interleaved or xyz-blocks",
+        ),
     ] {
         let message = read_text(text, &none).unwrap_err();
         assert!(message.contains(wanted), "{message}");
+    }
+    let one_joint = ReadOptions {
+        joint_columns: 1,
+        ..Default::default()
+    };
+    let recording = read_text("x1,y1,z1,q0\n2,3,4,0.5\n", &one_joint).unwrap();
+    assert_eq!(recording.counts(0).unwrap(), [Some([2, 3, 4])]);
+    // Three axes among more taxels are of something else, and letters are no axes.
+    let letters: Vec<String> = ('a'..='z').map(String::from).collect();
+    for (names, taxels) in [
+        ("pos_x,pos_y,pos_z,taxel0,taxel1,taxel2,taxel3", 7),
+        (&letters.join(","), 26),
+    ] {
+        let text = format!("{names}\n{}\n", vec!["7"; taxels].join(","));
+        let recording = read_text(&text, &none).unwrap();
+        assert_eq!(recording.taxels(), taxels);
+        assert!(!recording.has_counts(), "{names}");
     }
 }

@@ -1,0 +1,79 @@
+//! Columns of a csv file whose names are in threes: x, y and z of a taxel.
+
+use std::collections::BTreeMap;
+
+/// A taxel's columns x, y and z.
+type Axes = [Option<usize>; 3];
+
+/// The columns of names that are in threes x, y and z of a taxel, such as `txl1_x` or `Bx1`, in the order of their first ones; none
+/// where most are not.
+pub(crate) fn named_axes(
+    skin: &[usize],
+    names: &[&str],
+    has_joints: bool,
+) -> Result<Option<Vec<usize>>, String> {
+    let mut taxels: Vec<(String, Axes)> = Vec::new();
+    let mut places: BTreeMap<String, usize> = BTreeMap::new();
+    let mut twice: Option<usize> = None;
+    let mut taxel_of = Vec::with_capacity(skin.len());
+    for &column in skin {
+        let place = axis_of(names[column]).map(|(of, axis)| {
+            let place = *places.entry(of.clone()).or_insert_with(|| {
+                taxels.push((of, [None; 3]));
+                taxels.len() - 1
+            });
+            match &mut taxels[place].1[axis] {
+                Some(_) => twice = twice.or(Some(column)),
+                free => *free = Some(column),
+            }
+            place
+        });
+        taxel_of.push(place);
+    }
+    let is_whole =
+        |place: Option<usize>| place.is_some_and(|place| taxels[place].1.iter().all(Option::is_some));
+    let (whole, odd): (Vec<usize>, Vec<usize>) =
+        (0..skin.len()).partition(|&index| is_whole(taxel_of[index]));
+    if whole.len() <= odd.len() {
+        return Ok(None);
+    }
+    if let [first_odd, ..] = odd[..] {
+        let joints = match !has_joints && first_odd + odd.len() == skin.len() {
+            true => format!(
+                ", say with --joint-columns {} that joint angles come last",
+                odd.len()
+            ),
+            false => String::new(),
+        };
+        return Err(format!(
+            "column {:?} is neither x, y nor z of a taxel, as {:?} is; cut it out, and all others like it{joints}, or say with \
+             --columns what the columns are",
+            names[skin[first_odd]], names[skin[whole[0]]]
+        ));
+    }
+    if let Some(column) = twice {
+        return Err(format!(
+            "column {:?} comes twice; say with --columns xyz-interleaved or xyz-blocks in which order they are",
+            names[column]
+        ));
+    }
+    Ok(Some(
+        taxels
+            .iter()
+            .flat_map(|(_, axes)| axes)
+            .copied()
+            .flatten()
+            .collect(),
+    ))
+}
+
+/// What a column of this name is an axis of, and of the axes which. pandas puts `.1` behind a name that came before.
+fn axis_of(name: &str) -> Option<(String, usize)> {
+    let name = name.to_ascii_lowercase();
+    let head = name.trim_end_matches(|c: char| c.is_ascii_digit() || c == '_' || c == '.');
+    let axis = "xyz".find(head.chars().last()?)?;
+    Some((
+        format!("{} {}", &head[..head.len() - 1], &name[head.len()..]),
+        axis,
+    ))
+}
