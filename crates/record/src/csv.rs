@@ -30,8 +30,9 @@ const MAX_COLUMNS: usize = 200_000;
 /// [`Recording::unitless_time`](crate::Recording::unitless_time) tells; the suffixes `_s`, `_ms`, `_us` and `_ns` say which
 /// unit it is. Other columns of time, and those that count frames, are left out
 /// ([`Recording::left_out_columns`](crate::Recording::left_out_columns)). Where most names are in threes x, y and z of a
-/// taxel, as `txl1_x`, `Bx1` or `x_1`, all are raw counts, too, of taxels in the order of the columns. Any other header, and none, leaves
-/// plain numbers, of which the last may be joint angles by [`ReadOptions::joint_columns`].
+/// taxel, as `txl1_x`, `Bx1` or `x_1`, all are raw counts, too, of taxels in the order of the columns, but of the number
+/// where that is all by which their names differ. Any other header, and none, leaves plain numbers, of which the last may
+/// be joint angles by [`ReadOptions::joint_columns`].
 pub(crate) fn read(path: &Path, options: &ReadOptions) -> Result<Table, RecordError> {
     let io_error = RecordError::io(path);
     let mut file = BufReader::new(File::open(path).map_err(&io_error)?);

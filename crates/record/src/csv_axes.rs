@@ -5,8 +5,11 @@ use std::collections::BTreeMap;
 /// A taxel's columns x, y and z.
 type Axes = [Option<usize>; 3];
 
-/// The columns of names that are in threes x, y and z of a taxel, such as `txl1_x` or `Bx1`, in the order of their first ones; none
-/// where most are not.
+/// Pieces of a name, digits and what is between them, up to which numbers are looked for.
+const MAX_PIECES: usize = 8;
+
+/// The columns of names that are in threes x, y and z of a taxel, such as `txl1_x` or `Bx1`; none where most are not.
+/// Taxels stand in the order of their first columns, those whose names differ by one number in the order of that number.
 pub(crate) fn named_axes(
     skin: &[usize],
     names: &[&str],
@@ -57,6 +60,7 @@ pub(crate) fn named_axes(
             names[column]
         ));
     }
+    sort_by_numbers(&mut taxels);
     Ok(Some(
         taxels
             .iter()
@@ -76,4 +80,43 @@ fn axis_of(name: &str) -> Option<(String, usize)> {
         format!("{} {}", &head[..head.len() - 1], &name[head.len()..]),
         axis,
     ))
+}
+
+/// Puts those taxels whose names are alike but for one number in the order of that number, in the places that they have.
+fn sort_by_numbers(taxels: &mut [(String, Axes)]) {
+    for piece in 0..MAX_PIECES {
+        let mut alike: BTreeMap<(String, String), Vec<(u64, usize)>> = BTreeMap::new();
+        for (place, (name, _)) in taxels.iter().enumerate() {
+            if let Some((before, number, after)) = number_at(name, piece) {
+                let key = (before.to_owned(), after.to_owned());
+                alike.entry(key).or_default().push((number, place));
+            }
+        }
+        for mut numbers in alike.into_values() {
+            let places: Vec<usize> = numbers.iter().map(|(_, place)| *place).collect();
+            numbers.sort_unstable();
+            let sorted: Vec<(String, Axes)> =
+                numbers.iter().map(|(_, place)| taxels[*place].clone()).collect();
+            for (place, taxel) in places.into_iter().zip(sorted) {
+                taxels[place] = taxel;
+            }
+        }
+    }
+}
+
+/// The number that is this piece of a name, and what is before and behind it.
+fn number_at(name: &str, piece: usize) -> Option<(&str, u64, &str)> {
+    let mut begin = 0;
+    for _ in 0..piece {
+        begin += piece_len(&name[begin..]);
+    }
+    let end = begin + piece_len(&name[begin..]);
+    Some((&name[..begin], name[begin..end].parse().ok()?, &name[end..]))
+}
+
+/// Length of the digits, or of what is none, that a name begins with.
+fn piece_len(name: &str) -> usize {
+    let begins_with_digit = name.starts_with(|c: char| c.is_ascii_digit());
+    name.find(|c: char| c.is_ascii_digit() != begins_with_digit)
+        .unwrap_or(name.len())
 }

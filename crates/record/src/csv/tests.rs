@@ -381,3 +381,37 @@ fn names_that_end_in_axes_are_counts() {
         assert!(!recording.has_counts(), "{names}");
     }
 }
+
+#[test]
+fn taxels_whose_names_differ_by_a_number_are_in_its_order() {
+    let counts = |taxels: &[&str]| {
+        let names: Vec<String> = taxels
+            .iter()
+            .flat_map(|name| ["x", "y", "z"].map(|axis| name.replace('*', axis)))
+            .collect();
+        let values: Vec<String> = (0..names.len()).map(|column| (column / 3).to_string()).collect();
+        let text = format!("{}\n{}\n", names.join(","), values.join(","));
+        let recording = read_text(&text, &ReadOptions::default()).unwrap();
+        let counts = recording.counts(0).unwrap();
+        counts.iter().map(|xyz| xyz.unwrap()[0]).collect::<Vec<u16>>()
+    };
+    assert_eq!(counts(&["txl1_*", "txl10_*", "txl11_*", "txl2_*"]), [0, 3, 1, 2]);
+    assert_eq!(counts(&["B*10", "B*9"]), [1, 0]);
+    assert_eq!(counts(&["*", "*.1", "*.10", "*.2"]), [0, 1, 3, 2]);
+    // Of each finger for itself, in the places that it has.
+    assert_eq!(
+        counts(&["thumb10_*", "thumb2_*", "ring10_*", "ring2_*"]),
+        [1, 0, 3, 2]
+    );
+    assert_eq!(counts(&["a2_*", "b1_*", "a1_*", "b2_*"]), [2, 1, 0, 3]);
+    let of_two = [
+        "f0t0_*", "f0t10_*", "f0t2_*", "f10t0_*", "f10t10_*", "f10t2_*", "f2t0_*", "f2t10_*", "f2t2_*",
+    ];
+    assert_eq!(counts(&of_two), [0, 2, 1, 6, 8, 7, 3, 5, 4]);
+    // Columns and rows, row by row.
+    assert_eq!(
+        counts(&["t_0_0_*", "t_1_0_*", "t_0_1_*", "t_1_1_*"]),
+        [0, 1, 2, 3]
+    );
+    assert_eq!(counts(&["palm_*", "thumb_*"]), [0, 1]);
+}
