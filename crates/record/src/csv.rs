@@ -26,7 +26,7 @@ const MAX_COLUMNS: usize = 200_000;
 /// `{board}B{taxel}X`, `..Y`, `..Z`, with or without a leading `{finger}F` (docs/protocols.md, "uSkin on a hand"), are raw
 /// counts: taxels are numbered by finger, board and taxel, whatever the order of the columns. Columns called `J{n}`,
 /// `joint{n}` or `joint_{n}` are joint angles, radians, in the order of their numbers. The first column called `time`,
-/// `timestamp` or `elapsed`, or a first one called `t`, is time in seconds, as
+/// `timestamp` or `elapsed`, or one called `t` behind none but numbers of frames, is time in seconds, as
 /// [`Recording::unitless_time`](crate::Recording::unitless_time) tells; the suffixes `_s`, `_ms`, `_us` and `_ns` say which
 /// unit it is. Other columns of time, and those that count frames, are left out
 /// ([`Recording::left_out_columns`](crate::Recording::left_out_columns)). Where most names are in threes x, y and z of a

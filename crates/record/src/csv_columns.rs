@@ -62,7 +62,7 @@ impl LineColumns {
             rest,
         } = Split::of(&names, options);
         let time = times.first().copied().and_then(|column| {
-            let unit = options.time_column.or_else(|| column_time(column, names[column]));
+            let unit = options.time_column.or_else(|| named_unit(names[column]));
             Some((column, unit?))
         });
         let unitless = time
@@ -165,21 +165,31 @@ struct Split {
 
 impl Split {
     fn of(names: &[&str], options: &ReadOptions) -> Self {
-        let is_time = |column: &usize| column_time(*column, names[*column]).is_some();
-        // Where no name is of time, the first is, if that is said.
-        let says_first = options.time_column.is_some() && !(0..names.len()).any(|column| is_time(&column));
         // Beside another finger, index is one.
         let fingers = ["thumb", "middle", "ring"];
         let is_of_fingers = names
             .iter()
             .any(|name| fingers.contains(&name.to_ascii_lowercase().as_str()));
-        let (counters, rest): (_, Vec<usize>) = (0..names.len()).partition(|&column| {
-            let is_said = says_first && column == 0 && !names[0].is_empty();
-            let is_finger = is_of_fingers && names[column].eq_ignore_ascii_case("index");
-            is_counter(column, names[column]) && !is_said && !is_finger
-        });
-        let first = rest.first().copied().filter(|_| says_first);
-        let (times, rest) = (rest.into_iter()).partition(|column| is_time(column) || Some(*column) == first);
+        let is_finger = |column: usize| is_of_fingers && names[column].eq_ignore_ascii_case("index");
+        let counts_frames = |column: &usize| is_counter(*column, names[*column]) && !is_finger(*column);
+        let all = || 0..names.len();
+        // A `t` is time where nothing but numbers of frames is before it, and may else be a taxel.
+        let first = all().find(|column| !counts_frames(column));
+        let is_time = |column: &usize| {
+            let may_be = !names[*column].eq_ignore_ascii_case("t") || Some(*column) == first;
+            may_be && named_unit(names[*column]).is_some()
+        };
+        // Where no name is of time, one is, if that is said: the first; a number of the frame only where none is called t.
+        let said = match options.time_column.is_some() && !all().any(|column| is_time(&column)) {
+            true if first == Some(0) => first,
+            true => all()
+                .find(|column| ["t", "ts"].contains(&names[*column].to_ascii_lowercase().as_str()))
+                .or_else(|| all().find(|column| !is_unnamed(*column, names[*column]))),
+            false => None,
+        };
+        let (times, rest): (_, Vec<usize>) =
+            all().partition(|column| is_time(column) || Some(*column) == said);
+        let (counters, rest) = rest.into_iter().partition(counts_frames);
         Self {
             counters,
             times,
@@ -211,22 +221,19 @@ fn counts(skin: &[usize], axes: &[Option<Axis>], names: &[&str]) -> Result<Vec<u
     Ok(order)
 }
 
-/// Whether a column says by its name that it is time, and in which unit. A `t` is time where it is the first, and may else be a
-/// taxel.
-fn column_time(column: usize, name: &str) -> Option<TimeUnit> {
-    let unit = time_unit(name).or(is_elapsed(name).then_some(TimeUnit::S));
-    unit.filter(|_| column == 0 || !name.eq_ignore_ascii_case("t"))
+/// The unit of a column that says by its name that it is time.
+fn named_unit(name: &str) -> Option<TimeUnit> {
+    time_unit(name).or(is_elapsed(name).then_some(TimeUnit::S))
 }
 
 fn is_elapsed(name: &str) -> bool {
     name.eq_ignore_ascii_case("elapsed")
 }
 
-/// Whether a column of this name counts frames: pandas writes one without a name first.
+/// Whether a column of this name counts frames.
 fn is_counter(column: usize, name: &str) -> bool {
-    const NAMES: [&str; 8] = [
+    const NAMES: [&str; 7] = [
         "index",
-        "unnamed: 0",
         "frame",
         "frame_index",
         "frame_id",
@@ -234,7 +241,12 @@ fn is_counter(column: usize, name: &str) -> bool {
         "seq",
         "sequence",
     ];
-    (column == 0 && name.is_empty()) || NAMES.contains(&name.to_ascii_lowercase().as_str())
+    is_unnamed(column, name) || NAMES.contains(&name.to_ascii_lowercase().as_str())
+}
+
+/// Whether it is the column that pandas writes first without a name, or what it calls that when it has read it.
+fn is_unnamed(column: usize, name: &str) -> bool {
+    (column == 0 && name.is_empty()) || name.eq_ignore_ascii_case("unnamed: 0")
 }
 
 fn no_taxel(columns: usize, joints: usize) -> String {

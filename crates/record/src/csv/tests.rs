@@ -285,6 +285,15 @@ fn columns_that_are_no_taxels_are_left_out_and_told() {
             &["seq"],
         ),
         (",clock,a,b\n0,0.5,1,2\n1,1.5,3,4\n", &seconds, &[""]),
+        (",t,a,b\n0,0.5,1,2\n1,1.5,3,4\n", &none, &[""]),
+        (
+            ",frame,t,a,b\n0,7,0.5,1,2\n1,8,1.5,3,4\n",
+            &seconds,
+            &["", "frame"],
+        ),
+        ("frame,a,t,b\n7,1,0.5,2\n8,3,1.5,4\n", &seconds, &["frame"]),
+        ("frame,a,ts,b\n7,1,0.5,2\n8,3,1.5,4\n", &seconds, &["frame"]),
+        (",frame,a,b\n0,0.5,1,2\n1,1.5,3,4\n", &seconds, &[""]),
         ("frame,a,b\n0.5,1,2\n1.5,3,4\n", &seconds, &[]),
     ] {
         let recording = read_text(text, options).unwrap();
