@@ -165,11 +165,13 @@ struct Split {
 
 impl Split {
     fn of(names: &[&str], options: &ReadOptions) -> Self {
-        // Beside another finger, index is one.
-        let fingers = ["thumb", "middle", "ring"];
-        let is_of_fingers = names
-            .iter()
-            .any(|name| fingers.contains(&name.to_ascii_lowercase().as_str()));
+        // Beside other parts of a hand, index is a finger.
+        let parts = ["thumb", "middle", "ring", "little", "pinky", "palm", "wrist"];
+        let is_part = |name: &&str| {
+            let name = name.to_ascii_lowercase();
+            parts.iter().any(|part| name.contains(part))
+        };
+        let is_of_fingers = names.iter().any(is_part);
         let is_finger = |column: usize| is_of_fingers && names[column].eq_ignore_ascii_case("index");
         let counts_frames = |column: &usize| is_counter(*column, names[*column]) && !is_finger(*column);
         let all = || 0..names.len();

@@ -307,6 +307,8 @@ fn columns_that_are_no_taxels_are_left_out_and_told() {
     assert_eq!(recording.magnitudes(0).unwrap(), [7.0, 8.0, 9.0]);
     let recording = read_text("index,middle,ring,thumb\n7,8,9,10\n", &none).unwrap();
     assert_eq!(recording.magnitudes(0).unwrap(), [7.0, 8.0, 9.0, 10.0]);
+    let recording = read_text("Index_tip,index,palm_left\n7,8,9\n", &none).unwrap();
+    assert_eq!(recording.magnitudes(0).unwrap(), [7.0, 8.0, 9.0]);
     // A taxel may be called t.
     let recording = read_text("s,t,u\n7,8,9\n", &none).unwrap();
     assert_eq!(recording.magnitudes(0).unwrap(), [7.0, 8.0, 9.0]);
