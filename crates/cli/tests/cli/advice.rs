@@ -219,6 +219,14 @@ fn columns_of_a_table_that_are_no_taxels_are_told() {
         let told = "XELA's server, whose names these are, numbers taxels row by row, --layout grid:4x4";
         assert_eq!(err.contains(told), is_told, "{err}");
     }
+    write("fx,fy,fz\n1,2,3\n");
+    let err = fails(&dir, &compress(&["--layout", "grid:1x3"]), 1);
+    assert!(
+        err.contains(
+            "counts x y z by the names of its columns; without its header (`tail -n +2`) all are magnitudes"
+        ),
+        "{err}"
+    );
 }
 
 #[test]

@@ -39,6 +39,8 @@ pub(crate) fn recorded_taxels(
             if recording.is_of_xela() {
                 "XELA's server, whose names these are, numbers the taxels of a module row by row: --layout grid:4x4, grid:4x6 \
                  or another grid:HxW"
+            } else if 3 * taxels == layout.len() && !recording.column_names().is_empty() {
+                "they are counts x y z by the names of its columns; without its header (`tail -n +2`) all are magnitudes"
             } else if layout.modules.iter().all(|m| usize::from(m.taxels) == taxels) {
                 "repeat it on every module with --tile, or use --layout uskin-module"
             } else {
