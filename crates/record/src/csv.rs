@@ -59,11 +59,15 @@ pub(crate) fn read(path: &Path, options: &ReadOptions) -> Result<Table, RecordEr
             frames.meaning = LineColumns::of_header(record, options).map_err(refuse)?;
         } else {
             frames.take(record).map_err(|reason| {
-                // As in a preamble, which is taken for the header.
                 let is_text = frames.is_behind_header() && reason.ends_with(NO_NUMBER);
-                refuse(match is_text {
-                    true => format!("{reason}; where the table begins further down, cut off what is before it (`tail -n +N`)"),
-                    false => reason,
+                // As in a preamble, which is taken for the header.
+                let is_other = frames.meaning.columns != Some(record.len()) || number(0, &record[0]).is_err();
+                refuse(match (is_text, is_other) {
+                    (true, true) => format!(
+                        "{reason}; where the table begins further down, cut off what is before it (`tail -n +N`)"
+                    ),
+                    (true, false) => format!("{reason}; cut that column out"),
+                    (false, _) => reason,
                 })
             })?;
         }

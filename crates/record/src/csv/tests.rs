@@ -321,6 +321,11 @@ fn columns_that_are_no_taxels_are_left_out_and_told() {
             "made by,me\nt_s,a\n0,1\n",
             "cut off what is before it (`tail -n +N`)",
         ),
+        ("t_s,a\n0,1,x\n", "cut off what is before it (`tail -n +N`)"),
+        (
+            "t_s,a,label\n0,1,hand\n",
+            ":2: column 3 is \"hand\", which is not a number; cut that column out",
+        ),
     ] {
         let message = read_text(text, &none).unwrap_err();
         assert!(message.contains(wanted), "{message}");
