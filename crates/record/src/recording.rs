@@ -385,7 +385,7 @@ fn no_count(frame: usize, taxels: usize, is_flat: bool, column: usize, value: f6
     format!(
         "frame {frame}, value {column} is {value}; a raw count is a whole number from 0 to 65535{because}. Of forces \
          on three axes give the norms, numpy.linalg.norm(a, axis=-1); what is not 0 at rest, as magnetic fields, as whole \
-         numbers, numpy.round(10 * a) + 32768{or_else}"
+         numbers, numpy.round(10 * a) + 30000{or_else}"
     )
 }
 

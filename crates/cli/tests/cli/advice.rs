@@ -86,7 +86,7 @@ fn forces_on_three_axes_are_told_from_counts() {
     let err = fails(&dir, &["eval", "in.npy"], 1);
     assert!(
         err.contains("Of forces on three axes give the norms, numpy.linalg.norm(a, axis=-1)")
-            && err.contains("magnetic fields, as whole numbers, numpy.round(10 * a) + 32768"),
+            && err.contains("magnetic fields, as whole numbers, numpy.round(10 * a) + 30000"),
         "{err}"
     );
 }
