@@ -360,7 +360,7 @@ fn names_that_end_in_axes_are_counts() {
             "X,Y,Z,strip1\n1,2,3,4\n",
             ":1: column \"strip1\" is neither x, y nor z of a taxel, as \"X\" is; cut it out",
         ),
-        ("Bx0,By0,Bz0\n0.5,-3,4\n", "numpy.round(10 * a) + 32768"),
+        ("Bx0,By0,Bz0\n0.5,-3,4\n", "numpy.round(10 * a) + 30000"),
         (
             "strip,x1,y1,z1\n1,2,3,4\n",
             ":1: column \"strip\" is neither x, y nor z of a taxel, as \"x1\" is; cut it out, and all others like it, or say \
