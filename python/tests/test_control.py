@@ -114,6 +114,21 @@ def test_a_restart_ends_the_block_s_connection(daemon, control_of):
     assert daemon.held == {}
 
 
+def test_a_connection_that_is_closed_over_an_unread_request_is_told_with_its_place(tmp_path, control_of):
+    with socket.socket(socket.AF_UNIX, socket.SOCK_STREAM) as daemon:
+        daemon.bind(str(tmp_path / "control.sock"))
+        daemon.listen()
+        with control_of(tmp_path / "control.sock") as control:
+            accepted, _ = daemon.accept()
+            with accepted:
+                accepted.sendall(b'{"ok": false, "error": "it ends"}\n')
+                with pytest.raises(taxel.Refused, match="it ends"):
+                    control.keep_alive()
+            for _ in range(2):
+                with pytest.raises(ConnectionError, match="control.sock"):
+                    control.keep_alive()
+
+
 def test_a_reply_that_comes_late_is_not_that_of_the_next_request(daemon, control_of):
     with control_of(daemon.control, timeout=0.05) as control:
         late = threading.Event()

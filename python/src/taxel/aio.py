@@ -207,7 +207,7 @@ class _Connection:
         return cls(connection, path, timeout)
 
     async def ask(self, request: Dict[str, Any], line: bytes) -> bytes:
-        """The reply. What is not answered ends the connection: the next would be given its reply."""
+        """The reply, nothing where the connection has ended. A time-out ends it: the next would be given its reply."""
         async with self._alone:
             if self._has_ended:
                 raise requests.ended(self.path)
@@ -225,14 +225,15 @@ class _Connection:
     async def _reply_to(self, line: bytes) -> bytes:
         loop = asyncio.get_running_loop()
         # What has closed the connection may have said why.
-        with contextlib.suppress(BrokenPipeError):
+        with contextlib.suppress(ConnectionError):
             await loop.sock_sendall(self._socket, line)
         reply = bytearray()
-        while not reply.endswith(b"\n"):
-            part = await loop.sock_recv(self._socket, 1 << 16)
-            if not part:
-                break
-            reply += part
+        with contextlib.suppress(ConnectionError):
+            while not reply.endswith(b"\n"):
+                part = await loop.sock_recv(self._socket, 1 << 16)
+                if not part:
+                    break
+                reply += part
         return bytes(reply)
 
     def close(self) -> None:

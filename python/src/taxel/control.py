@@ -120,15 +120,17 @@ class _Connection:
         self._socket.settimeout(timeout)
 
     def ask(self, request: Dict[str, Any], line: bytes) -> bytes:
-        """The reply. What is not answered ends the connection: the next would be given its reply."""
+        """The reply, nothing where the connection has ended. A time-out ends it: the next would be given its reply."""
         with self._alone:
             if self._replies.closed:
                 raise requests.ended(self.path)
             try:
                 # What has closed the connection may have said why.
-                with contextlib.suppress(BrokenPipeError):
+                with contextlib.suppress(ConnectionError):
                     self._socket.sendall(line)
-                return self._replies.readline()
+                with contextlib.suppress(ConnectionError):
+                    return self._replies.readline()
+                return b""
             except socket.timeout:
                 self.close()
                 raise requests.unanswered(request, self.path, self._timeout) from None
