@@ -182,6 +182,19 @@ mod tests {
         }
     }
 
+    #[test]
+    fn no_byte_makes_it_another_frame_than_it_is() {
+        let line = b"(1436509052.249713) vcan0 0000012A#01020304CDeFabF9";
+        let taken = (0..line.len()).flat_map(|at| (0..=255).map(move |byte| (at, byte)));
+        let taken = taken.filter(|(at, byte)| {
+            let mut line = *line;
+            line[*at] = *byte;
+            agrees(&line)
+        });
+        // Ten for each decimal digit, 22 for each hexadecimal one but the first of the id, all but blanks in the name.
+        assert_eq!(taken.count(), 16 * 10 + 23 * 22 + 2 + 5 * 223 + 6);
+    }
+
     proptest! {
         #[test]
         fn damage_makes_it_no_other_frame_than_it_is(damage in proptest::collection::vec((0usize..48, any::<u8>()), 0..3)) {

@@ -6,6 +6,7 @@ use crate::progress::Progress;
 use crate::traffic::Traffic;
 use std::sync::mpsc::{Receiver, SyncSender, sync_channel};
 use std::thread;
+use std::vec::IntoIter;
 use taxel_can::{LogClock, Received};
 use taxel_engine::Recorded;
 
@@ -37,14 +38,18 @@ pub(crate) fn read_ahead<T>(
     traffic: &Traffic,
     names: &[String],
     changes: Option<DaemonChanges>,
-    take: impl FnOnce(&mut dyn Iterator<Item = Recorded>) -> anyhow::Result<T>,
+    take: impl FnOnce(Stretches) -> anyhow::Result<T>,
 ) -> anyhow::Result<T> {
     thread::scope(|scope| {
         let (sender, stretches) = sync_channel(AHEAD);
         let reading = thread::Builder::new()
             .name("recording".into())
             .spawn_scoped(scope, move || Buses::open(traffic, names, changes)?.read(&sender))?;
-        let taken = take(&mut recorded(stretches));
+        let taken = take(Stretches {
+            stretches,
+            changes: Vec::new().into_iter(),
+            frames: Vec::new().into_iter(),
+        });
         let read = reading
             .join()
             .unwrap_or_else(|panic| std::panic::resume_unwind(panic));
@@ -52,13 +57,29 @@ pub(crate) fn read_ahead<T>(
     })
 }
 
-/// Stretch after stretch; what reads them ends when this is dropped.
-fn recorded(stretches: Receiver<Stretch>) -> impl Iterator<Item = Recorded> {
-    stretches.into_iter().flat_map(|stretch| {
-        let changes = stretch.changes.into_iter();
-        let changes = changes.map(|(t_ns, change)| Recorded::Change(t_ns, change));
-        changes.chain(stretch.frames.into_iter().map(Recorded::from))
-    })
+/// What was read, stretch after stretch; what reads it ends when this is dropped.
+pub(crate) struct Stretches {
+    stretches: Receiver<Stretch>,
+    changes: IntoIter<DaemonChange>,
+    frames: IntoIter<BusFrame>,
+}
+
+impl Iterator for Stretches {
+    type Item = Recorded;
+
+    #[inline]
+    fn next(&mut self) -> Option<Recorded> {
+        loop {
+            if let Some((t_ns, change)) = self.changes.next() {
+                return Some(Recorded::Change(t_ns, change));
+            }
+            if let Some((bus, received)) = self.frames.next() {
+                return Some(Recorded::Frame(bus, received));
+            }
+            let stretch = self.stretches.recv().ok()?;
+            (self.changes, self.frames) = (stretch.changes.into_iter(), stretch.frames.into_iter());
+        }
+    }
 }
 
 /// The buses of a recording while it is read.

@@ -30,11 +30,8 @@ impl Alternation {
         let known = self.seen == 2;
         self.before = [reading.counts, last];
         self.seen = (self.seen + 1).min(2);
-        let (step, double_step) = (
-            distance(reading.counts, last),
-            distance(reading.counts, one_before),
-        );
-        match known && step >= least && step / TIMES >= double_step {
+        let step = distance(reading.counts, last);
+        match known && step >= least && step / TIMES >= distance(reading.counts, one_before) {
             true => step,
             false => 0,
         }
@@ -42,8 +39,9 @@ impl Alternation {
 }
 
 /// The largest difference of an axis; counts wrap.
+#[inline]
 fn distance(a: [u16; 3], b: [u16; 3]) -> u16 {
-    let axis = |i: usize| a[i].wrapping_sub(b[i]).min(b[i].wrapping_sub(a[i]));
+    let axis = |i: usize| a[i].wrapping_sub(b[i]).cast_signed().unsigned_abs();
     axis(0).max(axis(1)).max(axis(2))
 }
 
