@@ -21,8 +21,9 @@ const MAX_COLUMNS: usize = 200_000;
 /// Reads a csv file: one frame a line, the numbers separated by commas, semicolons, tabs, bars or blanks, quoted or not.
 ///
 /// The first line that is neither empty nor begins with `#` shows what separates: a semicolon if it has one, else a comma,
-/// a tab, a bar, or one or more blanks. If its first cell that is not empty is no number, it is a header. An empty cell is a
-/// value that is not there, but for one that a separator at the end of a line leaves behind the last column. Columns called
+/// a tab, a bar, or one or more blanks. If its first cell that is not empty is no number, it is a header, and where it is
+/// 0, 1, 2, 3, ..., as pandas names columns ([`Recording::has_numbered_columns`](crate::Recording::has_numbered_columns)).
+/// An empty cell is a value that is not there, but for one that a separator at the end of a line leaves behind the last column. Columns called
 /// `{board}B{taxel}X`, `..Y`, `..Z`, with or without a leading `{finger}F` (docs/protocols.md, "uSkin on a hand"), are raw
 /// counts: taxels are numbered by finger, board and taxel, whatever the order of the columns. Columns called `J{n}`,
 /// `joint{n}` or `joint_{n}` are joint angles, radians, in the order of their numbers. The first column called `time`,
@@ -279,14 +280,15 @@ fn is_header(record: &ByteRecord) -> bool {
         || are_numbers_of_columns(record)
 }
 
-/// Whether it is how pandas names columns that have no names: nothing, 0, 1, 2, ...
+/// Names of columns that are all there is on a line and are 0, 1, 2, ...: fewer may be a frame.
+const FEWEST_NUMBERS: usize = 4;
+
+/// Whether it is how pandas names columns that have no names: 0, 1, 2, ..., behind nothing where it writes an index.
 fn are_numbers_of_columns(record: &ByteRecord) -> bool {
-    let mut cells = record.iter().map(cell);
-    let begins_empty = record.len() > 2 && cells.next() == Some(Ok(""));
-    begins_empty
-        && cells
-            .enumerate()
-            .all(|(number, cell)| cell.is_ok_and(|cell| cell == number.to_string()))
+    let has_index = cell(&record[0]) == Ok("");
+    let mut names = record.iter().skip(has_index.into()).map(cell).enumerate();
+    let fewest = if has_index { 3 } else { FEWEST_NUMBERS };
+    record.len() >= fewest && names.all(|(number, name)| name.is_ok_and(|name| name == number.to_string()))
 }
 
 /// Refuses the header of python-can's `CSVWriter`, `can/io/csv.py`.

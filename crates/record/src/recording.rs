@@ -216,6 +216,11 @@ impl Recording {
         &self.names.left_out
     }
 
+    /// Whether the first line is 0, 1, 2, ..., which is taken for the numbers of its columns.
+    pub fn has_numbered_columns(&self) -> bool {
+        self.names.are_numbers
+    }
+
     /// Time of frame `index`, nanoseconds: as recorded, or `index` divided by the rate.
     ///
     /// # Panics

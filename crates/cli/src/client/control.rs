@@ -76,13 +76,14 @@ impl Connection {
     pub(crate) fn ask(&mut self, request: &Value) -> anyhow::Result<Value> {
         match writeln!(self.0.get_mut(), "{request}") {
             // Who has closed it may have said why.
-            Err(error) if error.kind() == ErrorKind::BrokenPipe => {}
+            Err(error) if is_closed(&error) => {}
             written => written.map_err(|error| unanswered(error, request))?,
         }
         let mut reply = String::new();
-        (self.0.read_line(&mut reply)).map_err(|error| unanswered(error, request))?;
-        if reply.is_empty() {
-            bail!("taxeld has closed the connection; if it has ended, its log says why");
+        match self.0.read_line(&mut reply) {
+            Err(error) if !is_closed(&error) => return Err(unanswered(error, request)),
+            Ok(1..) => {}
+            _ => bail!("taxeld has closed the connection; if it has ended, its log says why"),
         }
         let reply: Value = serde_json::from_str(&reply).context("the daemon's answer")?;
         match reply["ok"].as_bool() {
@@ -96,6 +97,11 @@ impl Connection {
             }
         }
     }
+}
+
+/// Whether it is because the other side has closed the connection; it is reset where that side had not read all.
+fn is_closed(error: &io::Error) -> bool {
+    matches!(error.kind(), ErrorKind::BrokenPipe | ErrorKind::ConnectionReset)
 }
 
 /// Why there is no reply.
@@ -137,6 +143,41 @@ mod tests {
             assert!(error.to_string().starts_with(wanted), "{error:#}");
             assert!(!taxeld::stdout::is_broken_pipe(&error), "{error:#}");
         }
+    }
+
+    #[test]
+    fn a_connection_that_was_reset_over_an_unread_request_was_closed() {
+        let folder = tempfile::tempdir().unwrap();
+        let socket = folder.path().join("control.sock");
+        let listener = UnixListener::bind(&socket).unwrap();
+        let refusal = "{\"ok\":false,\"error\":\"the motors are off\"}\n";
+        for (last_words, wanted) in [
+            (
+                refusal,
+                &["the motors are off", "taxeld has closed the connection"][..],
+            ),
+            ("", &["taxeld has closed the connection"]),
+        ] {
+            let mut connection = Connection::open(&socket).unwrap();
+            let (mut daemon, _) = listener.accept().unwrap();
+            daemon.write_all(last_words.as_bytes()).unwrap();
+            writeln!(connection.0.get_mut(), "{{}}").unwrap();
+            drop(daemon);
+            for wanted in wanted {
+                let error = connection.ask(&Value::Null).unwrap_err();
+                assert!(error.to_string().starts_with(wanted), "{error:#}");
+            }
+        }
+        // What was reset between a request and its reply.
+        let mut connection = Connection::open(&socket).unwrap();
+        let (daemon, _) = listener.accept().unwrap();
+        let closing = std::thread::spawn(move || {
+            use std::io::Read;
+            (&daemon).read_exact(&mut [0]).unwrap();
+        });
+        let error = connection.ask(&Value::Null).unwrap_err();
+        closing.join().unwrap();
+        assert!(error.to_string().starts_with("taxeld has closed"), "{error:#}");
     }
 
     #[test]
