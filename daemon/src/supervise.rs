@@ -14,7 +14,7 @@ use taxel_can::LinkState;
 use taxel_diagnose::{
     ANY_CHANGE_IS_CONTACT, BusView, Crowd, HandView, JointsReporter, JointsView, News, Severity,
 };
-use taxel_hand::Fault;
+use taxel_hand::{Fault, ForceFrame};
 use taxel_serve::LogLines;
 use taxel_skin::BoardState;
 use taxel_wire::{Event, EventKind};
@@ -127,8 +127,10 @@ fn report_changes(state: &State, before: Option<&Snapshot>, now: &Snapshot, told
     if let Some(line) = told.overruns.look(now.overruns, at) {
         tracing::warn!("{line}");
     }
-    if let Some(before) = before {
-        report_calibration(state, before, now, &mut told.baselines, at);
+    let of_before = before.map(|before| &before.force);
+    if let Some(event) = calibration_event(of_before, &now.force) {
+        told.baselines.say(&event.message, at);
+        state.server.announce(event);
     }
     // A busy machine may look for the first time when it was asked for already.
     let was_paused = before.is_some_and(|before| before.paused);
@@ -206,25 +208,24 @@ fn report_out_of_use(state: &State, now: &Snapshot, out_of_use: &mut OutOfUse, a
     }
 }
 
-fn report_calibration(state: &State, before: &Snapshot, now: &Snapshot, lines: &mut LogLines, at: Instant) {
-    if now.force.calibrating == before.force.calibrating {
-        return;
-    }
-    let (kind, text) = match now.force.calibrating {
-        true => (
-            EventKind::Calibrating,
-            "measuring the baseline; do not touch the hand".to_string(),
-        ),
+/// What is told where the baseline begins to be measured, or is. Every hand begins with that, and it may be over when it
+/// is looked at first: `paper` measures two frames.
+fn calibration_event(before: Option<&ForceFrame>, now: &ForceFrame) -> Option<Event> {
+    let was_calibrating = before.is_none_or(|before| before.calibrating);
+    match now.calibrating {
+        now if now == was_calibrating => None,
+        true => {
+            let text = "measuring the baseline; do not touch the hand";
+            Some(Event::new(EventKind::Calibrating, text))
+        }
         false => {
-            let mut text = format!("baseline measured, contact threshold {:.1}", now.force.threshold);
-            if now.force.threshold == 0.0 {
+            let mut text = format!("baseline measured, contact threshold {:.1}", now.threshold);
+            if now.threshold == 0.0 {
                 text += &format!(": {ANY_CHANGE_IS_CONTACT}");
             }
-            (EventKind::Calibrated, text)
+            Some(Event::new(EventKind::Calibrated, text))
         }
-    };
-    lines.say(&text, at);
-    state.server.announce(Event::new(kind, text));
+    }
 }
 
 fn report_pause(state: &State, was_paused: bool, is_paused: bool, lines: &mut LogLines, at: Instant) {
@@ -329,6 +330,30 @@ fn call_roll(state: &State, now: Option<&Snapshot>) {
 #[cfg(test)]
 mod tests {
     use super::*;
+
+    #[test]
+    fn a_baseline_that_is_measured_before_the_first_look_is_told() {
+        let look = |calibrating, threshold| ForceFrame {
+            calibrating,
+            threshold,
+            ..ForceFrame::new(1)
+        };
+        let (measuring, measured, of_none) = (look(true, 0.0), look(false, 12.5), look(false, 0.0));
+        for (before, now, wanted) in [
+            (None, &measuring, None),
+            (None, &measured, Some("baseline measured, contact threshold 12.5")),
+            (None, &of_none, Some("baseline measured, contact threshold 0.0: ")),
+            (Some(&measuring), &measured, Some("baseline measured")),
+            (Some(&measured), &measured, None),
+            (Some(&measured), &measuring, Some("measuring the baseline")),
+        ] {
+            let told = calibration_event(before, now).map(|event| event.message);
+            let is_wanted = wanted.map_or(told.is_none(), |wanted| {
+                told.as_deref().is_some_and(|told| told.starts_with(wanted))
+            });
+            assert!(is_wanted, "{told:?}, not {wanted:?}");
+        }
+    }
 
     #[test]
     fn a_report_is_made_at_once_where_one_asks_and_then_each_second_however_many_do() {
