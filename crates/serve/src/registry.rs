@@ -168,7 +168,7 @@ impl Registry {
     /// Tells the log what was not told line by line.
     pub(crate) fn tidy(&self) {
         if let Some(lines) = self.visits.borrow_mut().take_unsaid(Instant::now().into()) {
-            tracing::info!("subscribers came and went {lines} times more than this log tells");
+            tracing::info!("{lines} lines on subscribers that came and went are not in this log");
         }
         if let Some(clients) = self.turned_away.borrow_mut().take_unsaid(Instant::now().into()) {
             tracing::warn!(clients, "turned away");
