@@ -155,6 +155,17 @@ impl Take {
         lasting.or(contacts.first()).copied()
     }
 
+    /// The first frame of a contact, from this one on, in which nothing is held back as a glitch: of a touch that comes at
+    /// once its strongest taxels are held back first, and its rim alone is felt.
+    fn first_whole(&self, module: usize, first: usize) -> usize {
+        let is_whole = |index: &usize| {
+            let mut taxels = self.layout.modules[module].taxel_range();
+            self.force_on(module, *index) > 0.0 && taxels.all(|n| !self.force[*index].repaired[n])
+        };
+        let mut near = first..self.force.len().min(first + FLICKER + 1);
+        near.find(is_whole).unwrap_or(first)
+    }
+
     /// The last frame, of those up to this one, in which a contact is what was read: the first frame after a touch may be
     /// held back as a glitch, and the touch is still felt.
     fn last_read(&self, module: usize, last: usize) -> usize {
@@ -174,7 +185,7 @@ impl Take {
         let contact = self.first_contact(module);
         let engages = |(first, _)| match first {
             0 => ("beginning of the recording".into(), first),
-            _ => (format!("{name} engages"), first),
+            _ => (format!("{name} engages"), self.first_whole(module, first)),
         };
         let disengages = |(_, last)| match last {
             last if last + 1 == self.force.len() => ("end of the recording".into(), last),
@@ -274,6 +285,31 @@ mod tests {
         assert_eq!(instants, [1, 9, 4]);
         let at = take.instants_at(&[0.0, 0.34, 0.95]).unwrap();
         assert_eq!(at.iter().map(|i| i.index).collect::<Vec<_>>(), [0, 3, 9]);
+    }
+
+    #[test]
+    fn a_fingertip_engages_where_nothing_of_it_is_held_back() {
+        let rim = |forces: &[[f64; 2]], held: &[usize]| {
+            let mut take = take(forces);
+            held.iter()
+                .for_each(|index| take.force[*index].repaired[1] = true);
+            take.usual_instants(0)[0].index
+        };
+        let forces = [
+            [0.0, 0.0],
+            [1.0, 0.0],
+            [1.0, 9.0],
+            [1.0, 9.0],
+            [1.0, 9.0],
+            [1.0, 9.0],
+        ];
+        assert_eq!(rim(&forces, &[]), 1);
+        assert_eq!(rim(&forces, &[1]), 2);
+        assert_eq!(
+            rim(&forces, &[1, 2, 3, 4, 5]),
+            1,
+            "a taxel that is unwrapped all the time"
+        );
     }
 
     #[test]
