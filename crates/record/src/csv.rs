@@ -3,7 +3,7 @@
 use crate::csv_columns::{LineColumns, cell};
 use crate::error::RecordError;
 use crate::npy::MAX_NUMBERS;
-use crate::table::{Columns, ReadOptions, Table, TimeUnit};
+use crate::table::{ColumnNames, Columns, ReadOptions, Table, TimeUnit};
 use csv::{ByteRecord, Reader, ReaderBuilder, Terminator};
 use std::fs::File;
 use std::io::{self, BufRead, BufReader, Read, Take};
@@ -15,15 +15,16 @@ const BYTE_ORDER_MARK: &[u8] = "\u{feff}".as_bytes();
 const LINE_BYTES: u64 = 4 << 20;
 /// How it is said that a cell is text.
 const NO_NUMBER: &str = "which is not a number";
+/// Numbers 0, 1, 2, ... from which on a first line of them may be pandas' names of columns.
+const FEWEST_NUMBERS: usize = 4;
 /// Columns that a line may have: three axes of as many taxels as a hand can have, and room for times and joints.
 const MAX_COLUMNS: usize = 200_000;
 
 /// Reads a csv file: one frame a line, the numbers separated by commas, semicolons, tabs, bars or blanks, quoted or not.
 ///
 /// The first line that is neither empty nor begins with `#` shows what separates: a semicolon if it has one, else a comma,
-/// a tab, a bar, or one or more blanks. If its first cell that is not empty is no number, it is a header, and where it is
-/// 0, 1, 2, 3, ..., as pandas names columns ([`Recording::has_numbered_columns`](crate::Recording::has_numbered_columns)).
-/// An empty cell is a value that is not there, but for one that a separator at the end of a line leaves behind the last column. Columns called
+/// a tab, a bar, or one or more blanks. If its first cell that is not empty is no number, it is a header. An empty cell is a
+/// value that is not there, but for one that a separator at the end of a line leaves behind the last column. Columns called
 /// `{board}B{taxel}X`, `..Y`, `..Z`, with or without a leading `{finger}F` (docs/protocols.md, "uSkin on a hand"), are raw
 /// counts: taxels are numbered by finger, board and taxel, whatever the order of the columns. Columns called `J{n}`,
 /// `joint{n}` or `joint_{n}` are joint angles, radians, in the order of their numbers. The first column called `time`,
@@ -59,6 +60,9 @@ pub(crate) fn read(path: &Path, options: &ReadOptions) -> Result<Table, RecordEr
             refuse_log_of_python_can(record, path).map_err(refuse)?;
             frames.meaning = LineColumns::of_header(record, options).map_err(refuse)?;
         } else {
+            frames.begins_with_numbers |= frames.meaning.columns.is_none()
+                && record.len() >= FEWEST_NUMBERS
+                && are_numbers(record.iter());
             frames.take(record).map_err(|reason| {
                 let is_text = frames.is_behind_header() && reason.ends_with(NO_NUMBER);
                 // As in a preamble, which is taken for the header.
@@ -143,6 +147,8 @@ impl<'a, R: Read> Lines<'a, R> {
 struct Frames {
     meaning: LineColumns,
     frames: usize,
+    /// Whether the first one may be the numbers of its columns.
+    begins_with_numbers: bool,
     values: Vec<f64>,
     times_ns: Vec<u64>,
     joints: Vec<f32>,
@@ -155,6 +161,7 @@ impl Frames {
         Self {
             meaning,
             frames: 0,
+            begins_with_numbers: false,
             values: Vec::new(),
             times_ns: Vec::new(),
             joints: Vec::new(),
@@ -220,7 +227,10 @@ impl Frames {
             void: None,
             without_value: None,
             unitless_time: meaning.unitless,
-            names: meaning.names,
+            names: ColumnNames {
+                may_be_first_frame: self.begins_with_numbers,
+                ..meaning.names
+            },
         })
     }
 }
@@ -280,15 +290,15 @@ fn is_header(record: &ByteRecord) -> bool {
         || are_numbers_of_columns(record)
 }
 
-/// Names of columns that are all there is on a line and are 0, 1, 2, ...: fewer may be a frame.
-const FEWEST_NUMBERS: usize = 4;
-
-/// Whether it is how pandas names columns that have no names: 0, 1, 2, ..., behind nothing where it writes an index.
+/// Whether it is how pandas names columns that have no names: nothing, 0, 1, 2, ...
 fn are_numbers_of_columns(record: &ByteRecord) -> bool {
-    let has_index = cell(&record[0]) == Ok("");
-    let mut names = record.iter().skip(has_index.into()).map(cell).enumerate();
-    let fewest = if has_index { 3 } else { FEWEST_NUMBERS };
-    record.len() >= fewest && names.all(|(number, name)| name.is_ok_and(|name| name == number.to_string()))
+    record.len() > 2 && cell(&record[0]) == Ok("") && are_numbers(record.iter().skip(1))
+}
+
+/// Whether cells are 0, 1, 2, ...
+fn are_numbers<'a>(cells: impl Iterator<Item = &'a [u8]>) -> bool {
+    let mut cells = cells.map(cell).enumerate();
+    cells.all(|(number, cell)| cell.is_ok_and(|cell| cell == number.to_string()))
 }
 
 /// Refuses the header of python-can's `CSVWriter`, `can/io/csv.py`.

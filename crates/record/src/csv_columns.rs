@@ -111,7 +111,7 @@ impl LineColumns {
         let names_of_columns = ColumnNames {
             values: named(&values),
             left_out: named(&left_out),
-            are_numbers: (names.iter().enumerate()).all(|(number, name)| *name == number.to_string()),
+            may_be_first_frame: false,
         };
         let places = Places { values, joints };
         Ok(Self {

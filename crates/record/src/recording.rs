@@ -216,9 +216,9 @@ impl Recording {
         &self.names.left_out
     }
 
-    /// Whether the first line is 0, 1, 2, ..., which is taken for the numbers of its columns.
-    pub fn has_numbered_columns(&self) -> bool {
-        self.names.are_numbers
+    /// Whether the first frame of a file without names is 0, 1, 2, 3, ...: the names that pandas gives columns without one.
+    pub fn may_begin_with_names(&self) -> bool {
+        self.names.may_be_first_frame
     }
 
     /// Time of frame `index`, nanoseconds: as recorded, or `index` divided by the rate.

@@ -68,8 +68,8 @@ pub(crate) struct ColumnNames {
     pub(crate) values: Vec<String>,
     /// Those that are neither values, joint angles nor the time of a frame.
     pub(crate) left_out: Vec<String>,
-    /// Whether all are the numbers of their columns, from 0 on.
-    pub(crate) are_numbers: bool,
+    /// Whether the first frame is 0, 1, 2, ..., as pandas names columns.
+    pub(crate) may_be_first_frame: bool,
 }
 
 /// A file's numbers before it is decided what they mean: row-major, with the file's own shape.
