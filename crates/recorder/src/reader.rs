@@ -329,13 +329,10 @@ impl RecordingReader {
         may_hold(&self.file) || self.next_parts.iter().any(next)
     }
 
-    /// Topics that its index lists and that no recorder of ours writes; none where it has no index.
-    pub fn other_topics(&self) -> Vec<String> {
+    /// Topics that its index lists, those of other programs too; none where it has no index.
+    pub fn topics(&self) -> Vec<String> {
         let listed = channels_of_summary(&self.file).unwrap_or_default().into_iter();
-        listed
-            .filter(|(_, topic, _)| topic.is_none())
-            .map(|(.., name)| name)
-            .collect()
+        listed.map(|(.., name)| name).collect()
     }
 
     /// What of the file could not be read so far, a sentence each: damaged bytes, and where it was torn off.

@@ -15,36 +15,40 @@ const MOST_TOPICS: usize = 8;
 
 /// The tactile frames that the daemon made, counts and joint angles, from the first in which a taxel has a value.
 pub fn frames(path: &Path) -> anyhow::Result<Recording> {
-    let nothing = match topics_of_others(path)? {
-        Some(topics) => format!(
-            "nothing that `taxel record` wrote in it; there is {topics}. In Python, mcap_ros2.reader.read_ros2_messages reads them, \
-             and numpy.savez(\"grasp.npz\", counts=.., t_ns=..) makes a recording"
-        ),
-        None => format!(
-            "no tactile frames of a daemon in it; of CAN traffic `taxel convert {} {}` makes some",
-            path.display(),
-            path.with_extension("npz").display()
-        ),
-    };
-    frames_and_wall_marks(path, &nothing).map(|(recording, ..)| recording)
+    let of_ours = format!(
+        "no tactile frames of a daemon in it; of CAN traffic `taxel convert {} {}` makes some",
+        path.display(),
+        path.with_extension("npz").display()
+    );
+    frames_and_wall_marks(path, &nothing_in(path, of_ours)?).map(|(recording, ..)| recording)
 }
 
-/// The topics of a recording that no recorder of ours made, in words.
-fn topics_of_others(path: &Path) -> anyhow::Result<Option<String>> {
+/// What a recording without frames has instead: the topics of one that no recorder of ours made, whatever they are called, or
+/// else `of_ours`.
+fn nothing_in(path: &Path, of_ours: String) -> anyhow::Result<String> {
     let reader = RecordingReader::open(path, &[])?;
-    let topics = reader.other_topics();
+    let topics = reader.topics();
     let is_ours = [Topic::Can, Topic::Frames, Topic::Hello].map(|topic| reader.may_hold(topic));
     let first: Vec<&str> = topics.iter().take(MOST_TOPICS).map(String::as_str).collect();
     let more = if topics.len() > MOST_TOPICS { ", .." } else { "" };
     let are_others = !topics.is_empty() && is_ours == [false; 3];
-    Ok(are_others.then(|| first.join(", ") + more))
+    Ok(match are_others {
+        true => format!(
+            "nothing that `taxel record` wrote in it; there is {}{more}. In Python, mcap_ros2.reader.read_ros2_messages reads \
+             what is ROS 2's, mcap.reader.make_reader the rest, and numpy.savez(\"grasp.npz\", counts=.., t_ns=..) makes a \
+             recording",
+            first.join(", ")
+        ),
+        false => of_ours,
+    })
 }
 
 /// The tactile frames that the daemon made, and the marks that people and programs made meanwhile; times of both begin with
 /// the first frame. What was marked last before it holds when it comes, and is marked there.
 pub fn frames_and_marks(path: &Path) -> anyhow::Result<(Recording, Vec<Mark>)> {
-    let nothing = "no tactile frames in it, from the first of which marks are counted";
-    let (recording, mut marks, began_ns) = frames_and_wall_marks(path, nothing)?;
+    let of_ours = "no tactile frames in it, from the first of which marks are counted";
+    let nothing = nothing_in(path, of_ours.into())?;
+    let (recording, mut marks, began_ns) = frames_and_wall_marks(path, &nothing)?;
     marks.sort_by_key(|mark| mark.t_ns);
     let early = marks.partition_point(|mark| mark.t_ns < began_ns);
     if early > 0 {

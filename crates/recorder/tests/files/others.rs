@@ -6,10 +6,13 @@ use std::io::Cursor;
 use taxel_recorder::{RecordingReader, Topic, text_message};
 
 #[test]
-fn topics_of_others_are_those_of_the_index_that_are_not_ours() {
+fn topics_are_those_of_the_index_whoever_wrote_them() {
     let folder = tempfile::TempDir::new().unwrap();
     let path = folder.path().join("bag.mcap");
-    for (has_index, wanted) in [(true, &["/tactile", "/chatter"][..]), (false, &[])] {
+    for (has_index, wanted) in [
+        (true, &[Topic::Hello.name(), "/tactile", "/chatter"][..]),
+        (false, &[]),
+    ] {
         let options = WriteOptions::new().compression(None);
         let options = options.emit_summary_records(has_index);
         let mut writer = options.create(Cursor::new(Vec::new())).unwrap();
@@ -30,7 +33,7 @@ fn topics_of_others_are_those_of_the_index_that_are_not_ours() {
         writer.finish().unwrap();
         std::fs::write(&path, writer.into_inner().into_inner()).unwrap();
         let reader = RecordingReader::open(&path, &[]).unwrap();
-        let mut topics = reader.other_topics();
+        let mut topics = reader.topics();
         topics.sort_unstable_by_key(|topic| std::cmp::Reverse(topic.clone()));
         assert_eq!(topics, wanted);
     }
