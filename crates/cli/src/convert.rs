@@ -13,6 +13,7 @@ use std::path::{Path, PathBuf};
 use taxel_engine::TickMode;
 use taxel_hand::{Freshness, TactileFrame};
 use taxel_playback::array_frames::{ArrayFrames, is_of_arrays};
+use taxel_playback::fitted;
 use taxel_playback::image_output::{ImageOutput, OutputFormat};
 use taxel_playback::interrupt::Interrupt;
 use taxel_playback::output_file::{OutputFile, create_stream, refuse_overlap};
@@ -272,6 +273,7 @@ fn frames(args: &Args, input: &Input, take: &mut TakeFrame<'_>) -> anyhow::Resul
             Input::Frames(recording)
                 if recording.has_counts() && recording.taxels() == config.layout.len() =>
             {
+                fitted::tell_rows(recording, &config.layout);
                 copy_frames(recording, &config.layout, take)
             }
             Input::Frames(recording) if !recording.has_counts() => bail!(

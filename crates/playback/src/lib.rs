@@ -31,8 +31,8 @@ pub mod stand_in;
 
 use buses::{frame_file, pass, recorded_buses};
 pub use buses::{player, target, traffic, traffic_output};
-pub use counts::{array_frames, sweep};
-use counts::{fitted, whole_frames};
+use counts::whole_frames;
+pub use counts::{array_frames, fitted, sweep};
 pub use interfaces::log_interfaces;
 use interfaces::{bus_orders, heard};
 pub use mcap::{calibrated, daemon_changes, head, recorded};

@@ -4,6 +4,9 @@ use anyhow::bail;
 use taxel_record::Recording;
 use taxel_skin::Layout;
 
+/// Counts T x N x 3 of modules of 4x4 taxels, from row by row to the order of their chips.
+pub(crate) const IN_ORDER_OF_CHIPS: &str = "a.reshape(len(a), -1, 4, 3)[:, :, [0, 2, 1, 3]].reshape(a.shape)";
+
 /// For each taxel of the hand its number in the recording. With `tile`, the recording is of one module and is repeated on
 /// each. Refuses what holds no counts, or does not fit the hand.
 pub(crate) fn recorded_taxels(
@@ -28,6 +31,7 @@ pub(crate) fn recorded_taxels(
                 module.taxels
             );
         }
+        tell_rows(recording, layout);
         let first = |taxel| usize::from(layout.module_of(taxel).first_taxel);
         return Ok((0..layout.len()).map(|taxel| taxel - first(taxel)).collect());
     }
@@ -49,5 +53,24 @@ pub(crate) fn recorded_taxels(
             }
         );
     }
+    tell_rows(recording, layout);
     Ok((0..taxels).collect())
+}
+
+/// Says that taxels which XELA's server has numbered row by row are read as the chips of modules that are drawn otherwise.
+pub fn tell_rows(recording: &Recording, layout: &Layout) {
+    let taxels = layout
+        .modules
+        .iter()
+        .map(|module| &layout.taxels[module.taxel_range()]);
+    let mut next = taxels.filter_map(|taxels| Some((taxels.first()?, taxels.get(1)?)));
+    let is_drawn_otherwise = next.any(|(a, b)| a.x.abs_diff(b.x) + a.y.abs_diff(b.y) > 1);
+    if recording.is_of_xela() && is_drawn_otherwise {
+        remark!(
+            "taxel: {}: XELA's server, whose names these are, numbers taxels row by row, --layout grid:4x4; {} takes them for \
+             the chips of a board, whose order is {IN_ORDER_OF_CHIPS}",
+            recording.name(),
+            layout.name
+        );
+    }
 }

@@ -1,6 +1,6 @@
 //! Recorded counts as what a pipeline takes: CAN traffic, frames of pressure arrays, or whole tactile frames.
 
 pub mod array_frames;
-pub(crate) mod fitted;
+pub mod fitted;
 pub mod sweep;
 pub(crate) mod whole_frames;

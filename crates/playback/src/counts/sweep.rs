@@ -1,6 +1,6 @@
 //! Recorded counts as the CAN traffic that would have carried them.
 
-use crate::fitted::recorded_taxels;
+use crate::fitted::{IN_ORDER_OF_CHIPS, recorded_taxels};
 use anyhow::bail;
 use taxel_can::{CanFrame, ClockJumps, LONGEST_PAUSE_NS, Received};
 use taxel_record::Recording;
@@ -48,9 +48,15 @@ impl<'a> Sweeps<'a> {
     pub fn new(recording: &'a Recording, layout: &'a Layout, tile: bool) -> anyhow::Result<Self> {
         let name = recording.name();
         if layout.buses.is_empty() {
+            let of_xela = match recording.is_of_xela() {
+                true => format!(
+                    ", of one 4x4 module uskin-module, and put the taxels into its order: {IN_ORDER_OF_CHIPS}"
+                ),
+                false => String::new(),
+            };
             bail!(
                 "layout {} has no buses, so there is no board to play {name} as; name the layout of a hand with boards \
-                 with --layout",
+                 with --layout{of_xela}",
                 layout.name
             );
         }
