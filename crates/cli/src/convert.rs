@@ -212,16 +212,21 @@ fn traffic(args: &Args, input: &Input, output: &mut TrafficOutput, check: &Check
         Input::Frames(recording) => {
             let layout = args.offline.hand(DEFAULT_LAYOUT)?;
             tell_joints(recording);
-            if is_of_arrays(&layout) {
-                args.offline.input.refuse_tile_of_arrays(&layout)?;
-                output.take_arrays(&ArrayFrames::new(recording, &layout)?, check)?;
-            } else {
-                let sweeps = Sweeps::new(recording, &layout, args.offline.input.tile)?;
+            let tell = |senders: &str| {
                 remark!(
-                    "taxel: {}: its {} frames go as what boards send; who makes frames of that again samples it anew",
+                    "taxel: {}: its {} frames go as what {senders} send; who makes frames of that again samples it anew",
                     recording.name(),
                     recording.len()
                 );
+            };
+            if is_of_arrays(&layout) {
+                args.offline.input.refuse_tile_of_arrays(&layout)?;
+                let frames = ArrayFrames::new(recording, &layout)?;
+                tell("arrays");
+                output.take_arrays(&frames, check)?;
+            } else {
+                let sweeps = Sweeps::new(recording, &layout, args.offline.input.tile)?;
+                tell("boards");
                 output.take_sweeps(&sweeps, check)?;
             }
             &[Topic::Images, Topic::Events]
