@@ -355,14 +355,18 @@ fn categorize(args: &Args) -> anyhow::Result<(Set, Report)> {
         let explained_variance = pca.kept_variance(&touches)?;
         Ok((pca, map, explained_variance))
     };
-    let (pca, map, explained_variance) = map().with_context(|| set.name.clone())?;
+    let what = || match frames_left_out(&set, aligned.left_out) {
+        Some(left_out) => format!("{}: {left_out}", set.name),
+        None => set.name.clone(),
+    };
+    let (pca, map, explained_variance) = map().with_context(what)?;
     let (from, to) = args.classes.unwrap_or((2, 2));
     let categories = match args.rule {
         Rule::Optimal if from == to => optimal(&map, from, args.seed),
         Rule::Optimal => clusters_by_silhouette(&map, from..=to, args.seed),
         Rule::Paper => paper(&map, from, args.seed),
     };
-    let categories = categories.with_context(|| set.name.clone())?;
+    let categories = categories.with_context(what)?;
     let classifier = Classifier::new(&pca, &touches, &categories)?;
     let report = report(&set, &aligned, &map, explained_variance, categories, args.seed)?;
     if let Some(path) = &args.save {
@@ -421,21 +425,24 @@ fn report(
     })
 }
 
+/// That frames are left out, and for which touch.
+fn frames_left_out(set: &Set, frames: usize) -> Option<String> {
+    let shortest = set.touches.iter().min_by_key(|touch| touch.at.len());
+    let shortest = shortest.filter(|_| frames > 0)?;
+    Some(format!(
+        "{frames} frames outside the steps that all touches have are left out; the shortest, {}, has {}",
+        shortest.name,
+        plural(shortest.at.len(), "frame")
+    ))
+}
+
 fn human(set: &Set, report: &Report) -> String {
     let mut text = format!(
         "{}: {} touches of {} features, {} steps by {} from {} on, {} each\n",
         set.name, report.touches, report.features, report.steps, report.aligned_by, report.first, report.step
     );
-    if report.frames_left_out > 0
-        && let Some(shortest) = set.touches.iter().min_by_key(|touch| touch.at.len())
-    {
-        let _ = writeln!(
-            text,
-            "  {} frames outside the steps that all touches have are left out; the shortest, {}, has {}",
-            report.frames_left_out,
-            shortest.name,
-            plural(shortest.at.len(), "frame")
-        );
+    if let Some(left_out) = frames_left_out(set, report.frames_left_out) {
+        let _ = writeln!(text, "  {left_out}");
     }
     let kept: f64 = report.explained_variance.iter().sum();
     let _ = writeln!(text, "  variance on the map    {kept:.4} of all");
