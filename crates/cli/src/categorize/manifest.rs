@@ -1,7 +1,6 @@
 //! Touches that a manifest names.
 
-use super::touches::{Set, above_baseline, of_scene, open, places, values};
-use crate::input::tell_assumed_rate;
+use super::touches::{Set, above_baseline, of_scene, open, places, taken_for, values};
 use anyhow::{Context, anyhow, bail, ensure};
 use std::fs::File;
 use std::io::Read;
@@ -236,7 +235,7 @@ impl Job {
             return Ok(set);
         }
         let mut opened: Vec<(String, Recording)> = Vec::new();
-        let mut is_rate_told = false;
+        let mut told: Vec<String> = Vec::new();
         let mut set = Set {
             name: match self.motion {
                 Some(motion) => format!("{} {motion}", first.phantom).trim().to_owned(),
@@ -265,8 +264,12 @@ impl Job {
             }
             let recording = &opened[0].1;
             let is_timed = self.motion.is_none() || row.time.is_some();
-            if is_timed && !is_rate_told {
-                is_rate_told = tell_assumed_rate(recording, &self.options);
+            for sentence in taken_for(recording, &self.options, is_timed) {
+                // Said of the first of those of which it is true.
+                if !told.contains(&sentence) {
+                    remark!("taxel: {}: {sentence}", recording.name());
+                    told.push(sentence);
+                }
             }
             let touch = self.touch(row, recording).with_context(|| at(line))?;
             set.period_s = set.period_s.max(recording.period_ns() as f64 / 1e9);

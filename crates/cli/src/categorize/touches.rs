@@ -1,6 +1,6 @@
 //! Touches of one motion: from a recording cut by marks or contact, or from a scene.
 
-use crate::input::tell_assumed_rate;
+use crate::assumed;
 use crate::marks_file;
 use anyhow::{Context, anyhow, bail, ensure};
 use std::path::{Path, PathBuf};
@@ -107,8 +107,9 @@ pub(crate) fn of_recording(
         Some(FileKind::Mcap) => recorded::frames_and_marks(path)?,
         _ => (open(path, options)?, Vec::new()),
     };
-    if motion.is_none() || cutting.marks.is_some() {
-        tell_assumed_rate(&recording, options);
+    let is_timed = motion.is_none() || cutting.marks.is_some();
+    for sentence in taken_for(&recording, options, is_timed) {
+        remark!("taxel: {}: {sentence}", recording.name());
     }
     let (taxels, values) = values(&recording);
     let times: Vec<u64> = (0..recording.len()).map(|frame| recording.t_ns(frame)).collect();
@@ -152,6 +153,17 @@ pub(crate) fn of_recording(
         period_s: recording.period_ns() as f64 / 1e9,
         rest_ms: None,
     })
+}
+
+/// What a recording is taken for where it does not say so, but for its times where these do not matter.
+pub(super) fn taken_for(
+    recording: &Recording,
+    options: &ReadOptions,
+    is_timed: bool,
+) -> impl Iterator<Item = String> + use<> {
+    let units = "where it is not, call it t_ms, t_us or t_ns";
+    let of_times = assumed::of_times(recording, options, units).filter(|_| is_timed);
+    assumed::of_columns(recording).chain(of_times)
 }
 
 /// Opens frames; of CAN traffic, says how they are made of it.

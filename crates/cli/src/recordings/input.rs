@@ -1,5 +1,6 @@
 //! INPUT: any recording the tool knows, and what to say about it where the file does not.
 
+use crate::assumed;
 use crate::piped_file::{layout_parser, recording_parser};
 use anyhow::{Context, bail};
 use std::cell::OnceCell;
@@ -9,9 +10,7 @@ use taxel_playback::head::Head;
 use taxel_playback::recorded;
 use taxel_playback::stand_in;
 use taxel_playback::traffic::Traffic;
-use taxel_record::{
-    Columns, DEFAULT_RATE_HZ, FileKind, RATES_HZ, ReadOptions, RecordError, Recording, TimeUnit, Void,
-};
+use taxel_record::{Columns, FileKind, RATES_HZ, ReadOptions, RecordError, Recording, TimeUnit, Void};
 use taxel_sim::Scene;
 use taxel_skin::Layout;
 use taxeld::Config;
@@ -134,38 +133,13 @@ impl InputArgs {
             }
             error => error.into(),
         })?;
-        if let Some(column) = recording.unitless_time() {
-            remark!(
-                "taxel: {}: the column {column:?} is taken for seconds; --time-column UNIT says otherwise",
-                path.display()
-            );
-        }
-        tell_assumed_rate(&recording, &options);
-        self.tell_columns(&recording);
-        Ok(Input::Frames(recording))
-    }
-
-    /// Says what of its columns is taken otherwise than it may be meant.
-    fn tell_columns(&self, recording: &Recording) {
         let name = recording.name();
-        let left_out = recording.left_out_columns().iter();
-        let left_out: Vec<String> = left_out.map(|column| format!("{column:?}")).collect();
-        if !left_out.is_empty() {
-            remark!(
-                "taxel: {name}: left out, since no taxels: column {}",
-                left_out.join(", ")
-            );
+        let of_times = assumed::of_times(&recording, &options, "--time-column UNIT says otherwise");
+        for sentence in assumed::of_columns(&recording).chain(of_times) {
+            remark!("taxel: {name}: {sentence}");
         }
-        if recording.is_of_xela() && self.layout.as_deref() == Some("uskin-module") {
-            remark!(
-                "taxel: {name}: XELA's server, whose names these are, numbers taxels row by row, --layout grid:4x4; uskin-module \
-                 takes them for the chips of a board"
-            );
-        }
-        let angle = (0..recording.len()).flat_map(|index| recording.joints(index).iter().enumerate());
-        if let Some((joint, angle)) = angle.into_iter().find(|(_, angle)| angle.abs() > LARGEST_ANGLE) {
-            remark!("taxel: {name}: the angle of joint {joint} is {angle}; angles are radians");
-        }
+        tell_large_angle(&recording);
+        Ok(Input::Frames(recording))
     }
 
     /// Whether it is a table, whose last columns can be joint angles.
@@ -291,17 +265,15 @@ impl InputArgs {
     }
 }
 
-/// Says that a recording without times is taken to have come at a rate that nobody gave; whether it is so.
-pub(crate) fn tell_assumed_rate(recording: &Recording, options: &ReadOptions) -> bool {
-    let is_assumed = !recording.has_times() && recording.len() > 1 && options.rate_hz.is_none();
-    if is_assumed {
+/// Says that joint angles cannot be radians.
+fn tell_large_angle(recording: &Recording) {
+    let angle = (0..recording.len()).flat_map(|index| recording.joints(index).iter().enumerate());
+    if let Some((joint, angle)) = angle.into_iter().find(|(_, angle)| angle.abs() > LARGEST_ANGLE) {
         remark!(
-            "taxel: {}: it has no times (of an .npz: nanoseconds, the array t_ns), and is taken for {DEFAULT_RATE_HZ} frames a \
-             second; --rate HZ says otherwise",
+            "taxel: {}: the angle of joint {joint} is {angle}; angles are radians",
             recording.name()
         );
     }
-    is_assumed
 }
 
 /// What no joint of a hand turns by, radians: two turns.

@@ -3,6 +3,8 @@
 use crate::{fails, succeeds};
 use ndarray::{Array1, Array2, Array3, Array4};
 use ndarray_npy::write_npy;
+use std::fs::File;
+use taxel_recorder::{Entry, Preamble, RecordingWriter, Topic, text_message};
 use tempfile::TempDir;
 
 #[test]
@@ -219,6 +221,44 @@ fn columns_of_a_table_that_are_no_taxels_are_told() {
         let told = "XELA's server, whose names these are, numbers taxels row by row, --layout grid:4x4";
         assert_eq!(err.contains(told), is_told, "{err}");
     }
+    // Also where it is repeated, and where frames are copied as they are.
+    let in_order = "whose order is a.reshape(len(a), -1, 4, 3)[:, :, [0, 2, 1, 3]].reshape(a.shape)";
+    for args in [
+        &compress(&["--layout", "allegro-uskin-15", "--tile"])[..],
+        &[
+            "convert",
+            "in.csv",
+            "o.npz",
+            "--layout",
+            "uskin-module",
+            "--rate",
+            "30",
+        ],
+        &[
+            "convert",
+            "in.csv",
+            "o.log",
+            "--layout",
+            "uskin-module",
+            "--rate",
+            "30",
+        ],
+    ] {
+        let (_, err) = succeeds(&dir, args);
+        assert!(err.contains(in_order), "{args:?}: {err}");
+    }
+    let play = ["replay", "in.csv", "--to", "log:o.log", "--layout", "grid:4x4"];
+    let err = fails(&dir, &play, 1);
+    assert!(
+        err.contains("of one 4x4 module uskin-module, and put the taxels into its order: a.reshape(len(a)"),
+        "{err}"
+    );
+    write("0,1,2,3\n5,6,7,9\n");
+    let (_, err) = succeeds(&dir, &compress(&["--layout", "grid:2x2"]));
+    assert!(
+        err.contains("in.csv: its first line, 0, 1, 2, .., is taken for a frame; where these are pandas' names of columns"),
+        "{err}"
+    );
     write("fx,fy,fz\n1,2,3\n");
     let err = fails(&dir, &compress(&["--layout", "grid:1x3"]), 1);
     assert!(
@@ -243,4 +283,79 @@ fn angles_that_are_no_radians_are_told() {
         let told = format!("the angle of joint 1 is {angle}; angles are radians");
         assert_eq!(err.contains(&told), is_told, "{err}");
     }
+}
+
+#[test]
+fn what_columns_of_a_list_are_taken_for_is_told_of_the_first() {
+    let dir = tempfile::tempdir().unwrap();
+    for (name, force) in [("a", 1), ("b", 2), ("c", 9), ("d", 10)] {
+        let lines: String = (0..12)
+            .map(|t| format!("{t},{t},{},{}\n", force * t, force))
+            .collect();
+        std::fs::write(
+            dir.path().join(format!("{name}.csv")),
+            format!("index,time,u,v\n{lines}"),
+        )
+        .unwrap();
+    }
+    std::fs::write(dir.path().join("in.csv"), "file\na.csv\nb.csv\nc.csv\nd.csv\n").unwrap();
+    let (_, err) = succeeds(&dir, &["categorize", "in.csv", "--classes", "2"]);
+    for told in [
+        "a.csv: left out, since no taxels: column \"index\"\n",
+        "a.csv: the column \"time\" is taken for seconds; where it is not, call it t_ms, t_us or t_ns\n",
+    ] {
+        assert!(err.contains(told), "{err}");
+    }
+    assert_eq!(err.lines().count(), 2, "{err}");
+}
+
+#[test]
+fn a_recording_of_others_is_told_by_its_topics_also_where_ours_have_their_names() {
+    let dir = TempDir::new().unwrap();
+    let file = File::create(dir.path().join("bag.mcap")).unwrap();
+    let mut writer = RecordingWriter::begin(file, &Preamble::default(), 0).unwrap();
+    let (topic, data) = (Topic::Images, text_message("another image"));
+    let wall_ns = 1_000_000_000;
+    writer.put(&Entry { topic, wall_ns, data }).unwrap();
+    writer.finish().unwrap();
+    for args in [
+        &["compress", "bag.mcap", "--out", "images.npz"][..],
+        &["convert", "bag.mcap", "bag.npz"],
+        &["categorize", "bag.mcap", "--classes", "2"],
+    ] {
+        let err = fails(&dir, args, 1);
+        let told = format!(
+            "bag.mcap: nothing that `taxel record` wrote in it; there is {}. In Python",
+            Topic::Images.name()
+        );
+        assert!(err.contains(&told), "{err}");
+    }
+}
+
+#[test]
+fn the_shortest_touch_is_named_where_others_lose_frames() {
+    let dir = tempfile::tempdir().unwrap();
+    for (name, frames, force) in [("a", 12, 1.0), ("b", 12, 1.5), ("brief", 5, 9.0), ("d", 12, 9.5)] {
+        let touch = Array2::from_shape_fn((frames, 2), |(t, n)| force * (t * (n + 1)) as f64);
+        write_npy(dir.path().join(format!("{name}.npy")), &touch).unwrap();
+    }
+    std::fs::write(
+        dir.path().join("in.csv"),
+        "file\na.npy\nb.npy\nbrief.npy\nd.npy\n",
+    )
+    .unwrap();
+    let (out, _) = succeeds(&dir, &["categorize", "in.csv", "--classes", "2"]);
+    assert!(
+        out.contains(
+            "21 frames outside the steps that all touches have are left out; the shortest, brief.npy, has 5 frames"
+        ),
+        "{out}"
+    );
+    // The first frames of all are alike.
+    write_npy(dir.path().join("brief.npy"), &Array2::<f64>::zeros((1, 2))).unwrap();
+    let err = fails(&dir, &["categorize", "in.csv", "--classes", "2"], 1);
+    assert!(
+        err.contains("the shortest, brief.npy, has 1 frame: all 4 touches are the same"),
+        "{err}"
+    );
 }

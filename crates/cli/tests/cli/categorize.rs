@@ -398,27 +398,6 @@ fn what_cannot_be_categorised_is_named() {
 }
 
 #[test]
-fn the_shortest_touch_is_named_where_others_lose_frames() {
-    let dir = tempfile::tempdir().unwrap();
-    for (name, frames, force) in [("a", 12, 1.0), ("b", 12, 1.5), ("brief", 5, 9.0), ("d", 12, 9.5)] {
-        let touch = ndarray::Array2::from_shape_fn((frames, 2), |(t, n)| force * (t * (n + 1)) as f64);
-        ndarray_npy::write_npy(dir.path().join(format!("{name}.npy")), &touch).unwrap();
-    }
-    std::fs::write(
-        dir.path().join("in.csv"),
-        "file\na.npy\nb.npy\nbrief.npy\nd.npy\n",
-    )
-    .unwrap();
-    let (out, _) = succeeds(&dir, &["categorize", "in.csv", "--classes", "2"]);
-    assert!(
-        out.contains(
-            "21 frames outside the steps that all touches have are left out; the shortest, brief.npy, has 5 frames"
-        ),
-        "{out}"
-    );
-}
-
-#[test]
 fn a_phantom_is_palpated_through_the_engine() {
     let dir = tempfile::tempdir().unwrap();
     let args = [

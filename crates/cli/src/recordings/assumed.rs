@@ -1,0 +1,32 @@
+//! What a recording does not say for sure and is taken for: sentences on its columns and times.
+
+use taxel_record::{DEFAULT_RATE_HZ, ReadOptions, Recording};
+
+/// Which of its columns are no taxels, and whether its first frame may be their names.
+pub(crate) fn of_columns(recording: &Recording) -> impl Iterator<Item = String> + use<> {
+    let left_out = recording.left_out_columns().iter();
+    let left_out: Vec<String> = left_out.map(|column| format!("{column:?}")).collect();
+    let left_out =
+        (!left_out.is_empty()).then(|| format!("left out, since no taxels: column {}", left_out.join(", ")));
+    let names = recording.may_begin_with_names().then(|| {
+        "its first line, 0, 1, 2, .., is taken for a frame; where these are pandas' names of columns, cut it off \
+         (`tail -n +2`)"
+            .to_owned()
+    });
+    left_out.into_iter().chain(names)
+}
+
+/// That a column is taken for seconds, or that a recording without times is taken to have come at a rate that nobody gave.
+/// `units` is how another unit is said.
+pub(crate) fn of_times(recording: &Recording, options: &ReadOptions, units: &str) -> Option<String> {
+    if let Some(column) = recording.unitless_time() {
+        return Some(format!("the column {column:?} is taken for seconds; {units}"));
+    }
+    let is_assumed = !recording.has_times() && recording.len() > 1 && options.rate_hz.is_none();
+    is_assumed.then(|| {
+        format!(
+            "it has no times (of an .npz: nanoseconds, the array t_ns), and is taken for {DEFAULT_RATE_HZ} frames a \
+             second; --rate HZ says otherwise"
+        )
+    })
+}
