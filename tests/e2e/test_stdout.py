@@ -16,8 +16,8 @@ FULL = ("/dev/full", "No space left on device")
 PRINTING = {
     "": ["taxel --help", "taxel --version", "taxel --list", "taxel help", "taxel help config show"],
     "taxeld": ["taxeld --help", "taxeld --version", "taxeld --config d/taxeld.toml --check"],
-    "demo": ["taxel demo --headless --seconds 0.5", "taxel demo --seconds 0.5"],
-    "view": ["taxel view --seconds 0.5", "taxel view tap.log --seconds 0.5"],
+    "demo": [f"taxel demo --seconds 0.5 {option}" for option in ("", "--headless", "--json")],
+    "view": [f"taxel view {what} --seconds 0.5" for what in ("", "--json", "tap.log", "tap.log --json")],
     "watch": ["taxel watch --count 2", "taxel watch --count 2 --json", "taxel watch --count 2 --hz"],
     "layouts": [
         "taxel layouts",

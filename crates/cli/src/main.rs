@@ -219,9 +219,7 @@ mod tests {
     }
 
     /// Commands without `--json`, and why.
-    const WITHOUT_JSON: [(&str, &str); 6] = [
-        ("demo", "a picture"),
-        ("view", "a picture; `taxel watch --json` has what it shows"),
+    const WITHOUT_JSON: [(&str, &str); 4] = [
         ("completions", "prints a script"),
         ("config init", "prints a file"),
         ("forearm record", "prints an object for each squeeze in any case"),

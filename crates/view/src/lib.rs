@@ -21,6 +21,7 @@ mod raster;
 mod scale;
 mod screen;
 mod seen;
+mod summary;
 mod svg;
 
 pub use colour::Palette;
@@ -32,4 +33,5 @@ pub use panes::{Heading, draw};
 pub use picture::Picture;
 pub use screen::Screen;
 pub use seen::Seen;
+pub use summary::Summary;
 pub use svg::svg;

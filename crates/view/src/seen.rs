@@ -7,8 +7,8 @@ use crate::out_of_use::out_of_use;
 use crate::picture::{Joint, Picture, TaxelNow, Trace, unlooked};
 use crate::scale::{Scale, greatest_of_most};
 use crate::screen::Screen;
+use crate::summary::Summary;
 use hdrhistogram::Histogram;
-use std::fmt::Write;
 use std::ops::Deref;
 use std::sync::Arc;
 use taxel_hand::Profile;
@@ -387,109 +387,61 @@ impl Seen {
         touched.max_by(|a, b| a.1.total_cmp(&b.1)).map(|(taxel, _)| taxel)
     }
 
-    /// The whole time in a few lines; `began_ns` is when it began, on the clock of the images' times.
-    pub fn summary(&self, began_ns: u64) -> String {
-        let mut text = String::new();
-        let _ = self.write_summary(began_ns, &mut text);
-        text
-    }
-
     /// The most images in a second that were asked for, if that is fewer than all.
     fn most_hz(&self) -> Option<f64> {
         let subscription = self.hello.as_ref().and_then(|hello| hello.subscription.as_ref());
         subscription.and_then(|s| s.max_rate_hz)
     }
 
-    fn write_summary(&self, began_ns: u64, text: &mut String) -> std::fmt::Result {
+    /// The figures of the whole time; `began_ns` is when it began, on the clock of the images' times.
+    pub fn summary(&self, began_ns: u64) -> Summary {
         let seconds = self.last_ns.saturating_sub(self.first_ns) as f64 / 1e9;
         let made = self.images + self.skipped;
-        let rate_hz = if seconds > 0.0 {
-            made.saturating_sub(1) as f64 / seconds
-        } else {
-            0.0
+        let hz = match seconds > 0.0 {
+            true => made.saturating_sub(1) as f64 / seconds,
+            false => 0.0,
         };
-        let ms = |ns: u64| ns as f64 / 1e6;
+        let of_images = |images: u64| images as f64 / self.images.max(1) as f64;
+        let clock = self.hello.as_ref().map(|hello| hello.clock);
+        let us = |ns: u64| (clock == Some(Clock::Monotonic)).then_some(ns as f64 / 1e3);
+        let latency_us = |q: f64| us(self.latency_ns.value_at_quantile(q));
+        let since_began_s = |at: u64| (at as f64 - began_ns as f64) / 1e9;
         let (raw_bits, image_bits) = self.bits_per_frame();
-        write!(text, "images     {made} in {seconds:.1} s, {rate_hz:.1} Hz, ")?;
-        match self.most_hz() {
-            Some(hz) => writeln!(
-                text,
-                "{} of them asked for: at most {hz:.0} a second",
-                self.images
-            )?,
-            None => writeln!(text, "{} of them skipped", self.skipped)?,
+        let (max_rate_hz, problems) = (self.most_hz(), self.problems());
+        let hand = self.hand.as_ref();
+        Summary {
+            images: made,
+            seconds,
+            hz,
+            received: self.images,
+            max_rate_hz,
+            skipped: max_rate_hz.is_none().then_some(self.skipped),
+            latency_p50_us: latency_us(0.5),
+            latency_p99_us: latency_us(0.99),
+            latency_max_us: us(self.latency_ns.max()),
+            contact_ratio: of_images(self.in_contact),
+            most_contacts: self.most_contacts,
+            most_actuators: self.most_actuators,
+            calibrated_s: self.calibrated_ns.map(since_began_s),
+            missing: self.newest.missing,
+            faulty: self.newest.faulty,
+            joints: self.newest.joints.len(),
+            joints_known: self
+                .newest
+                .joints
+                .iter()
+                .filter(|angle| angle.is_finite())
+                .count(),
+            joints_known_ratio: of_images(self.joints_known),
+            unlooked: clock
+                .filter(|_| problems.is_none())
+                .map(|clock| unlooked(clock == Clock::Recording)),
+            problems,
+            out_of_use: hand.map_or_else(Vec::new, |hand| out_of_use(hand, &self.newest.taxels)),
+            raw_bits_per_s: raw_bits * hz,
+            image_bits_per_s: image_bits * hz,
+            compression_ratio: raw_bits / image_bits.max(1.0),
         }
-        let latency = |q: f64| ms(self.latency_ns.value_at_quantile(q));
-        if self
-            .hello
-            .as_ref()
-            .is_some_and(|hello| hello.clock == Clock::Monotonic)
-        {
-            writeln!(
-                text,
-                "latency    p50 {:.2} ms, p99 {:.2} ms, max {:.2} ms, from a sweep's last frame to this subscriber",
-                latency(0.5),
-                latency(0.99),
-                ms(self.latency_ns.max()),
-            )?;
-        }
-        let share = 100.0 * self.in_contact as f64 / self.images.max(1) as f64;
-        writeln!(
-            text,
-            "contact    in {share:.0} % of images, up to {} taxels and {} actuators",
-            self.most_contacts, self.most_actuators
-        )?;
-        let calibrated = match self.calibrated_ns {
-            Some(at) if at < began_ns => "calibrated before the start".into(),
-            Some(at) => format!("calibrated {:.1} s after the start", ms(at - began_ns) / 1e3),
-            None => "still calibrating".into(),
-        };
-        writeln!(
-            text,
-            "taxels     {calibrated}; {} missing and {} faulty at the end",
-            self.newest.missing, self.newest.faulty
-        )?;
-        let joints = &self.newest.joints;
-        if !joints.is_empty() {
-            let known = joints.iter().filter(|angle| angle.is_finite()).count();
-            let share = 100.0 * self.joints_known as f64 / self.images.max(1) as f64;
-            writeln!(
-                text,
-                "joints     {known} of {} known at the end, all of them in {share:.1} % of images",
-                joints.len()
-            )?;
-        }
-        match (self.problems(), &self.hello) {
-            (None, Some(hello)) => {
-                writeln!(text, "problems   {}", unlooked(hello.clock == Clock::Recording))?;
-            }
-            (problems, _) => {
-                for problem in problems.iter().flatten() {
-                    writeln!(text, "problem    {}", problem.sentence)?;
-                }
-            }
-        }
-        if let Some(hand) = &self.hand {
-            for sentence in out_of_use(hand, &self.newest.taxels) {
-                writeln!(text, "out of use {sentence}")?;
-            }
-        }
-        writeln!(
-            text,
-            "data       {} raw, {} to the display, {:.0}:1",
-            bits_per_s(raw_bits * rate_hz),
-            bits_per_s(image_bits * rate_hz),
-            raw_bits / image_bits.max(1.0),
-        )
-    }
-}
-
-/// A rate of data as people say it.
-fn bits_per_s(bits: f64) -> String {
-    match bits {
-        b if b >= 1e6 => format!("{:.2} Mbit/s", b / 1e6),
-        b if b >= 1e3 => format!("{:.1} kbit/s", b / 1e3),
-        b => format!("{b:.0} bit/s"),
     }
 }
 

@@ -1,7 +1,8 @@
 //! What the demo's subscriber has seen of the scene that is played.
 
 use super::palpation::Palpation;
-use crate::view::lock;
+use crate::view::{lock, object};
+use serde_json::json;
 use std::sync::{Mutex, OnceLock};
 use taxel_sim::Scene;
 use taxel_skin::Layout;
@@ -65,6 +66,13 @@ impl Meter {
         if self.end.get().is_none() {
             lock(&self.seen).tell(words, taxel_can::monotonic_ns());
         }
+    }
+
+    /// The whole run as one JSON object.
+    pub(super) fn object(&self) -> anyhow::Result<String> {
+        let palpation = self.palpation.as_ref().map(lock);
+        let touches = palpation.map_or(json!({}), |palpation| json!({ "touches": palpation.figures() }));
+        object(&lock(&self.seen), &self.scene, self.scene_began_ns, touches)
     }
 
     /// The whole run in a few lines.

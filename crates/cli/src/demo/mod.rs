@@ -53,6 +53,10 @@ const ANY_HAND: &str = "roll";
 /// keys look at a taxel.
 #[derive(Debug, clap::Args)]
 #[command(after_help = "\
+With --json one object is printed at the end, with the keys of `taxel view --json`; name is the scene,
+and where a phantom is palpated it has
+  \"touches\":{\"count\",\"right\",\"unknown\"}
+
 Examples:
   taxel demo
   taxel demo --scene slip --actuators 6
@@ -74,6 +78,9 @@ pub(crate) struct Args {
     /// Print a summary at the end instead of drawing; so too when stdout is no terminal
     #[arg(long)]
     headless: bool,
+    /// The summary as one JSON object; implies --headless
+    #[arg(long)]
+    json: bool,
     /// Force levels of the display, K_D
     #[arg(long, value_name = "K_D", value_parser = clap::value_parser!(u16).range(1..=255))]
     pub(crate) levels: Option<u16>,
@@ -88,8 +95,9 @@ pub(crate) struct Args {
 }
 
 pub(crate) fn run(args: &Args) -> anyhow::Result<()> {
+    let headless = args.headless || args.json || !terminal::can_draw();
     if args.scene.as_deref() == Some(forearm::SCENE) {
-        return forearm::run(args, args.headless || !terminal::can_draw());
+        return forearm::run(args, headless);
     }
     let (scene_name, layout) = scene_and_layout(args)?;
     let scene = resolve(&scene_name)?;
@@ -99,7 +107,6 @@ pub(crate) fn run(args: &Args) -> anyhow::Result<()> {
         .map(|_| PhantomMap::of_scene(&scene_name))
         .transpose()?;
     let session = Session::start(args, &scene_name, &scene, layout)?;
-    let headless = args.headless || !terminal::can_draw();
     let of_scene = Duration::from_secs_f64(scene.seconds());
     let limit = args.seconds.or(headless.then_some(of_scene));
     let deadline = limit.map(|limit| session.began + limit);
@@ -146,12 +153,17 @@ pub(crate) fn run(args: &Args) -> anyhow::Result<()> {
     if let Some(Some(failure)) = meter.end.get() {
         bail!("the demo's daemon: {failure}");
     }
-    stdout::print(&meter.summary())?;
+    if !args.json {
+        stdout::print(&meter.summary())?;
+    }
     if lock(&meter.seen).images() == 0 {
         bail!(
             "no image came; give it more than --seconds {}",
             args.seconds.unwrap_or(of_scene).as_secs_f64()
         );
+    }
+    if args.json {
+        stdout::print(&meter.object()?)?;
     }
     Ok(())
 }

@@ -9,6 +9,7 @@ use ratatui::layout::{Constraint, Layout as Split, Rect};
 use ratatui::style::{Color, Modifier, Style};
 use ratatui::text::{Line, Span};
 use ratatui::widgets::{Block, Widget};
+use serde_json::{Value, json};
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
 use std::time::Instant;
@@ -66,6 +67,11 @@ impl Palpation {
         }
         self.placed.push((place(&touch), touch.category));
         self.newest = Some(touch);
+    }
+
+    /// How many touches there were, in the category of their class, and in none.
+    pub(super) fn figures(&self) -> Value {
+        json!({ "count": self.touches, "right": self.right, "unknown": self.unknown })
     }
 
     /// A line of the demo's summary.

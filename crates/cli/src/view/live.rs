@@ -1,7 +1,7 @@
 //! The hand of a running daemon.
 
 use super::recorder::Recorder;
-use super::{GLANCE_S, Sheet, Source, lock, look, print_summary, request_of};
+use super::{GLANCE_S, Sheet, Source, lock, look, request_of, summary};
 use crate::control;
 use crate::reconnect::{PATIENCE, SAYS_NOTHING};
 use crate::terminal;
@@ -39,6 +39,7 @@ pub(super) fn run(
     [socket, control]: [Option<&Path>; 2],
     limit: Option<Duration>,
     sheet: Option<&Sheet<'_>>,
+    as_json: bool,
 ) -> anyhow::Result<()> {
     let images = socket.map_or_else(|| taxeld::config::running_socket("images.sock"), Path::to_owned);
     let control = match (control, socket) {
@@ -70,7 +71,7 @@ pub(super) fn run(
             glance();
             sheet.draw(&daemon.seen, &*daemon, &Screen::new())
         }
-        None if terminal::can_draw() => {
+        None if terminal::can_draw() && !as_json => {
             let remarks = Remarks::gather();
             let deadline = limit.map(|limit| Instant::now() + limit);
             look(
@@ -86,7 +87,7 @@ pub(super) fn run(
             glance();
             let seen = lock(&daemon.seen);
             let name = seen.hello().map_or("taxeld".into(), |hello| hello.daemon.clone());
-            print_summary(&seen, &name, began_ns)
+            summary::print(&seen, &name, began_ns, as_json)
         }
     };
     daemon.over.store(true, Ordering::Relaxed);

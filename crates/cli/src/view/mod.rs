@@ -3,6 +3,7 @@
 mod live;
 mod recorder;
 mod recording;
+mod summary;
 
 use crate::offline::OfflineArgs;
 use crate::seconds::seconds;
@@ -21,6 +22,7 @@ use serde_json::{Value, json};
 use std::path::{Path, PathBuf};
 use std::sync::{Mutex, MutexGuard};
 use std::time::{Duration, Instant};
+pub(crate) use summary::object;
 use taxel_playback::interrupt::Interrupt;
 use taxel_playback::output_file::OutputFile;
 use taxel_playback::remarks::Remarks;
@@ -39,11 +41,22 @@ const GLANCE_S: f64 = 2.0;
 /// Without a terminal, or where TERM is dumb, it prints a summary. With NO_COLOR it draws shades.
 #[derive(Debug, clap::Args)]
 #[command(after_help = "\
+With --json, it prints one object instead:
+  {\"name\",\"layout\",\"taxels\",\"method\",\"levels\",\"actuators\",\"images\",\"seconds\",\"hz\",\"received\",\"max_rate_hz\",
+   \"skipped\",\"latency_p50_us\",\"latency_p99_us\",\"latency_max_us\",\"contact_ratio\",\"most_contacts\",
+   \"most_actuators\",\"calibrated_s\",\"missing\",\"faulty\",\"joints\",\"joints_known\",\"joints_known_ratio\",
+   \"problems\",\"out_of_use\":[sentences],\"raw_bits_per_s\",\"image_bits_per_s\",\"compression_ratio\"}
+images counts those made, received those that came: of a daemon at most max_rate_hz are asked for.
+Null are latencies where images have no time of this machine's clock, calibrated_s while the
+baseline is measured (below 0: before the start), and problems where nobody has told; else these are
+those of `taxel status --json`.
+
 Examples:
   taxel view                           the daemon on this machine
   taxel view grasp.log                 a recording
   taxel view sim:faulty-hand           a scene as a recording
   taxel view --seconds 10 | cat        a summary of ten seconds
+  taxel view grasp.log --json          the same of a recording, for scripts
   taxel view sim:ball-grasp --seconds 8 --svg grasp.svg
                                        a picture of the eighth second")]
 pub(crate) struct Args {
@@ -61,6 +74,9 @@ pub(crate) struct Args {
     /// Draw into this SVG file what is to be seen at the end, instead of on the terminal; - for stdout
     #[arg(long, value_name = "FILE")]
     svg: Option<PathBuf>,
+    /// Do not draw; print one JSON object in the end
+    #[arg(long, conflicts_with = "svg")]
+    json: bool,
     /// With --svg: columns and rows of that picture
     #[arg(long, value_name = "WxH", default_value = "120x40", value_parser = size, requires = "svg")]
     size: (u16, u16),
@@ -152,11 +168,12 @@ pub(crate) fn run(args: &Args) -> anyhow::Result<()> {
         size: args.size,
     });
     match &args.recording.0 {
-        Some(recording) => recording::run(recording, args.seconds, sheet.as_ref()),
+        Some(recording) => recording::run(recording, args.seconds, sheet.as_ref(), args.json),
         None => live::run(
             [&args.socket, &args.control].map(Option::as_deref),
             args.seconds,
             sheet.as_ref(),
+            args.json,
         ),
     }
 }
@@ -277,26 +294,6 @@ pub(crate) fn look(
         palette: Palette::of_terminal(),
     };
     terminal::show(&mut view, interrupt, deadline, remarks)
-}
-
-/// What was seen in a few lines, for whoever has no terminal.
-fn print_summary(seen: &Seen, name: &str, began_ns: u64) -> anyhow::Result<()> {
-    let mut text = match seen.hello() {
-        Some(hello) => format!(
-            "{name}: {}, {} taxels; method {}, {} levels, {} actuators\n",
-            hello.layout,
-            hello.taxels.len(),
-            hello.profile.method,
-            hello.profile.levels,
-            hello.profile.actuators,
-        ),
-        None => {
-            let why = seen.gone().unwrap_or("no description of a hand came");
-            format!("{name}: {why}\n")
-        }
-    };
-    text += &seen.summary(began_ns);
-    stdout::print(&text)
 }
 
 #[cfg(test)]

@@ -1,6 +1,6 @@
 //! The hand of a recording, played in its own time.
 
-use super::{Sheet, Source, lock, look, print_summary};
+use super::{Sheet, Source, lock, look, summary};
 use crate::input::Input;
 use crate::offline::OfflineArgs;
 use crate::terminal;
@@ -66,6 +66,7 @@ pub(super) fn run(
     recording: &OfflineArgs,
     limit: Option<Duration>,
     sheet: Option<&Sheet<'_>>,
+    as_json: bool,
 ) -> anyhow::Result<()> {
     let interrupt = Interrupt::install()?;
     let player = Arc::new(Player {
@@ -74,7 +75,7 @@ pub(super) fn run(
         pace: Mutex::new(Pace::default()),
         changed: Condvar::new(),
     });
-    if sheet.is_some() || !terminal::can_draw() {
+    if sheet.is_some() || as_json || !terminal::can_draw() {
         // As fast as it can be read.
         player.change(|pace| {
             pace.skip_to_ns = u64::MAX;
@@ -86,7 +87,7 @@ pub(super) fn run(
         }
         return match sheet {
             Some(sheet) => sheet.draw(&player.seen, &*player, &Screen::of_recording()),
-            None => print_summary(&lock(&player.seen), &player.name, 0),
+            None => summary::print(&lock(&player.seen), &player.name, 0, as_json),
         };
     }
     // What keeps the file from being read is said before the terminal is taken.

@@ -292,6 +292,19 @@ fn the_demo_without_a_terminal_prints_a_summary() {
 }
 
 #[test]
+fn the_demo_tells_programs_what_it_saw() {
+    let dir = TempDir::new().unwrap();
+    let (out, _) = succeeds(
+        &dir,
+        &["demo", "--scene", "phantom-1", "--seconds", "3", "--json"],
+    );
+    let object: serde_json::Value = serde_json::from_str(&out).unwrap();
+    assert_eq!(object["name"], "phantom-1", "{object}");
+    assert!(object["touches"]["count"].is_u64(), "{object}");
+    assert!(object["images"].as_u64().unwrap() > 0, "{object}");
+}
+
+#[test]
 fn a_command_that_can_tell_nobody_anything_ends_as_it_would_have() {
     let dir = TempDir::new().unwrap();
     succeeds(&dir, &["sim", "tap", "--to", "log:tap.log"]);

@@ -1,7 +1,7 @@
 //! `taxel view` without a terminal, and `taxel layouts`.
 
 use crate::{fails, simulated, succeeds};
-use serde_json::Value;
+use serde_json::{Value, json};
 use taxel_skin::Layout;
 use tempfile::TempDir;
 
@@ -19,6 +19,16 @@ fn without_a_terminal_a_daemon_is_summed_up() {
     ] {
         assert!(out.contains(part), "{part}: {out}");
     }
+    let view = ["view", "--socket", "images.sock", "--seconds", "1", "--json"];
+    let object: Value = serde_json::from_str(&succeeds(&dir, &view).0).unwrap();
+    assert!(
+        object["latency_p50_us"].is_f64() && object["problems"].is_array(),
+        "{object}"
+    );
+    assert_eq!(
+        (&object["max_rate_hz"], &object["skipped"]),
+        (&json!(20.0), &Value::Null)
+    );
 }
 
 #[test]
@@ -34,6 +44,33 @@ fn without_a_terminal_a_recording_is_read_to_its_end_and_summed_up() {
         assert!(out.contains(part), "{part}: {out}");
     }
     assert!(!out.contains("latency"), "a recording's clock tells none: {out}");
+    // The same for programs.
+    let (text, _) = succeeds(&dir, &["view", "tap.log", "--json"]);
+    let object: Value = serde_json::from_str(&text).unwrap();
+    for (key, wanted) in [
+        ("name", json!("tap.log")),
+        ("layout", json!("allegro-uskin-15")),
+        ("taxels", json!(240)),
+        ("method", json!("optimal")),
+        ("skipped", json!(0)),
+        ("latency_p50_us", Value::Null),
+        ("missing", json!(0)),
+        ("problems", Value::Null),
+        ("out_of_use", json!([])),
+    ] {
+        assert_eq!(object[key], wanted, "{key}: {text}");
+    }
+    let images = format!(
+        "images     {} in {:.1} s",
+        object["images"],
+        object["seconds"].as_f64().unwrap()
+    );
+    let calibrated = format!("calibrated {:.1} s", object["calibrated_s"].as_f64().unwrap());
+    let contact = format!("in {:.0} % of", 100.0 * object["contact_ratio"].as_f64().unwrap());
+    for part in [images, calibrated, contact] {
+        assert!(out.contains(&part), "{part}: {out}");
+    }
+    fails(&dir, &["view", "tap.log", "--json", "--svg", "a.svg"], 2);
 }
 
 #[test]

@@ -72,7 +72,7 @@ fn rate_and_latency_are_those_of_the_images() {
         (figures.latency_p50_ms, figures.latency_p99_ms),
         (Some(0.25), Some(0.25))
     );
-    let summary = seen.summary(SECOND_NS);
+    let summary = seen.summary(SECOND_NS).to_string();
     for part in [
         "images     200 in 4.0 s, 50.0 Hz",
         "p50 0.25 ms",
@@ -89,7 +89,7 @@ fn the_rate_is_the_daemons_also_where_fewer_images_are_asked_for() {
     (0..50).for_each(|index| see(&mut seen, 4 * index, 3, 10.0));
     let figures = seen.figures(SECOND_NS + 196 * 20_000_000);
     assert!((figures.rate_hz - 50.0).abs() < 0.01, "{figures:?}");
-    let summary = seen.summary(SECOND_NS);
+    let summary = seen.summary(SECOND_NS).to_string();
     assert!(
         summary.contains("images     200 in ") && summary.contains(", 150 of them skipped"),
         "{summary}"
@@ -234,7 +234,7 @@ fn what_became_of_a_key_is_not_replaced_by_what_happens_meanwhile() {
 #[test]
 fn a_summary_says_where_nobody_has_looked_for_problems() {
     let problems = |seen: &Seen| {
-        let summary = seen.summary(0);
+        let summary = seen.summary(0).to_string();
         let line = summary.lines().find(|line| line.starts_with("problem"));
         line.map(str::to_owned)
     };

@@ -209,6 +209,7 @@ pub(super) fn run(args: &Args, headless: bool) -> anyhow::Result<()> {
         ("--actuators", args.actuators.is_some()),
         ("--method", args.method.is_some()),
         ("--conditioning", args.conditioning.is_some()),
+        ("--json", args.json),
     ] {
         if is_given {
             return Err(wrong_use(format!(
