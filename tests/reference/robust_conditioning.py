@@ -18,7 +18,9 @@ NEVER = 1 << 32
 SIGMAS_PER_MAD = 1.4826
 WINDOW_NS, LEAST_FRAMES = 300 * MS, 10
 OUTLIER_SIGMAS = 5.0
-STEPS, STEP_WITNESSES = range(4, 201), 3
+STEPS, STEP_CHANGES, STEP_WITNESSES = range(4, 1025), 3, 2
+STEP_ON_ALL_AXES = 1.75
+MOVED_PEAKS, MOVED_LEAST, MOVED_SAMPLES = 2.5, 4, 16
 TOUCH_COUNTS, TOUCH_SIGMAS = 60.0, 4.0
 NOISE_SIGMAS, NOISE_FLOOR = 8.0, 150.0
 MARGIN, RELEASE, LEAST_THRESHOLD = 1.5, 0.8, 10.0
@@ -46,24 +48,46 @@ def upper_spread(values):
 def steps_of(samples):
     """The steps (N, 3) that the counts of (T, N, 3) samples go in; 1 where none is found.
 
-    Where all samples of a taxel's axis are multiples of its least change, it shows that step. On an axis a step is found
-    that three taxels show; those that change in the same samples, by the sum of their numbers modulo 64, count once. A
-    taxel has the longest one of which all its samples are multiples.
+    An axis that changes at least three times shows its least change as a step. A step is found that two axes of the hand
+    show, or one where there are fewer than three taxels; those that change in the same samples, by the sum of their numbers
+    modulo 64, count once, and one that is shorter by one is the same, rounded. An axis has the longest one that is no longer
+    than its least change and one.
     """
-    samples = np.asarray(samples, dtype=np.int64)
-    divisor = np.gcd.reduce(samples, axis=0)
-    changes = np.abs(np.diff(samples, axis=0))
-    least = np.where(changes > 0, changes, NEVER).min(axis=0)
+    changes = np.abs(np.diff(np.asarray(samples, dtype=np.int64), axis=0))
+    least = np.where(changes > 0, changes, NEVER).min(axis=0, initial=NEVER)
     times = np.einsum("t,tna->na", np.arange(1, len(samples)), changes > 0) % 64
-    steps = np.ones_like(divisor)
-    for axis in range(3):
-        shows = (divisor[:, axis] == least[:, axis]) & np.isin(divisor[:, axis], STEPS)
-        shown = set(zip(divisor[shows, axis], times[shows, axis]))
-        for step in STEPS:
-            if sum(s == step for s, _ in shown) >= STEP_WITNESSES:
-                fits = (divisor[:, axis] % step == 0) & (divisor[:, axis] > 0)
-                steps[fits, axis] = step
+    shows = (np.sum(changes > 0, axis=0) >= STEP_CHANGES) & np.isin(least, STEPS)
+    shown = set(zip(least[shows], times[shows]))
+    witnesses = 1 if len(least) < 3 else STEP_WITNESSES
+    steps = np.ones_like(least)
+    for step in sorted({step for step, _ in shown}):
+        if len({time for s, time in shown if s in (step, step - 1)}) >= witnesses:
+            steps[(least < NEVER) & (least >= step - 1)] = step
     return steps
+
+
+def usual(samples, step):
+    """Which of (T, 3) samples are no outliers, their mean, and the largest magnitude above it."""
+    centre = np.median(samples, axis=0)
+    sigma = SIGMAS_PER_MAD * np.median(np.abs(samples - centre), axis=0)
+    kept = np.all(np.abs(samples - centre) <= OUTLIER_SIGMAS * np.maximum(sigma, np.asarray(step) / 2.0), axis=1)
+    baseline = samples[kept].sum(axis=0) / np.sum(kept) if np.any(kept) else centre
+    return kept, baseline, float(magnitude(samples[kept], baseline).max(initial=0.0))
+
+
+def rest_in_the_quietest_half(rest):
+    """Where half the taxels leave the half of the window in which most are quietest: takes that; says whether it is so."""
+    of = lambda value: upper_spread(np.array([value(r) for r in rest]))[0]
+    if not rest or not rest[0].halves:
+        return False
+    half = min(range(3), key=lambda h: of(lambda r: r.halves[h][1]))
+    least = lambda r: max(r.halves[half][1], r.step, MOVED_LEAST)
+    if of(lambda r: r.halves[half][2]) <= MOVED_PEAKS * of(least):
+        return False
+    for r in rest:
+        r.touched |= bool(r.halves[half][2] > MOVED_PEAKS * least(r))
+        r.baseline, r.peak, _ = r.halves[half]
+    return True
 
 
 class Rest:
@@ -71,19 +95,19 @@ class Rest:
 
     def __init__(self, samples, step=1):
         samples = np.asarray(samples, dtype=np.float64)
-        centre = np.median(samples, axis=0)
-        sigma = SIGMAS_PER_MAD * np.median(np.abs(samples - centre), axis=0)
-        kept = np.all(np.abs(samples - centre) <= OUTLIER_SIGMAS * np.maximum(sigma, np.asarray(step) / 2.0), axis=1)
+        kept, self.baseline, self.peak = usual(samples, step)
+        self.step = int(np.max(step))
         self.constant = bool(np.all(samples == samples[0]))
-        self.baseline = samples[kept].sum(axis=0) / np.sum(kept) if np.any(kept) else centre
         # Noise from sample to sample, so that slow motion is none; an outlier interrupts.
         neighbours = kept[1:] & kept[:-1]
         steps = np.diff(samples, axis=0)[neighbours]
         variance = np.sum(steps * steps / 2.0, axis=0) / max(1, len(steps))
         self.noise = math.sqrt(variance[0] + variance[1] + variance[2])
-        self.peak = float(magnitude(samples[kept], self.baseline).max(initial=0.0))
         n = len(samples)
-        quarters = [np.median(samples[q * n // 4 : (q + 1) * n // 4], axis=0) for q in range(4)] if n >= 8 else [centre]
+        # Baseline, peak, and the strongest sample of the window, by each half.
+        halves = [usual(samples[h * n // 4 : (h + 2) * n // 4], step)[1:] for h in range(3) if n >= MOVED_SAMPLES]
+        self.halves = [(b, peak, magnitude(samples, b).max()) for b, peak in halves]
+        quarters = [np.median(samples[q * n // 4 : (q + 1) * n // 4], axis=0) for q in range(4 if n >= 8 else 1)]
         shift = np.max(quarters, axis=0) - np.min(quarters, axis=0)
         self.touched = bool(np.any(shift > np.maximum(TOUCH_COUNTS, TOUCH_SIGMAS * np.sqrt(variance))))
 
@@ -132,13 +156,16 @@ class RobustConditioner:
         noisy = noise > max(median + NOISE_SIGMAS * sigma, NOISE_FLOOR)
         # There is no way back from these here: the tests' frames have none.
         self.faulty = ~alive | noisy
+        moved = rest_in_the_quietest_half([r for r, a in zip(rest, alive) if a])
         self.baseline = np.array([r.baseline for r in rest])
         self.rested_at = self.baseline.copy()
         healthy = usable & ~noisy
         untouched = healthy & ~np.array([r.touched for r in rest])
-        peaks = np.array([r.peak for r in rest])[untouched if np.any(untouched) else healthy]
+        peaks = np.array([r.peak for r in rest])[untouched if np.any(untouched) and not moved else healthy]
         median, sigma = upper_spread(peaks)
-        theta = min(peaks.max(initial=0.0), median + NOISE_SIGMAS * max(sigma, median / 4.0))
+        # One step up and down is no stray.
+        step = STEP_ON_ALL_AXES * max((r.step for r, h in zip(rest, healthy) if h), default=1)
+        theta = min(peaks.max(initial=0.0), max(median + NOISE_SIGMAS * max(sigma, median / 4.0), step))
         self.threshold = max(theta * MARGIN, LEAST_THRESHOLD)
         self.quiet_since = np.full(taxels, -1, dtype=np.int64)
         self.level = np.zeros(taxels)

@@ -18,15 +18,36 @@ const TOUCH_SIGMAS: f64 = 4.0;
 /// Fewest samples from which a touch is judged.
 const TOUCH_SAMPLES: usize = 8;
 
+/// What a taxel of eight bits goes up and down by, counts.
+const COARSE_STEP_COUNTS: u32 = 16;
+
+/// Where a taxel rests, and how far it goes from there at rest. Without outliers.
+#[derive(Debug, Default, Clone, Copy, PartialEq)]
+pub(super) struct Rest {
+    /// Mean of x, y, z, counts.
+    pub(super) baseline: [f64; 3],
+    /// Largest magnitude above the baseline.
+    pub(super) peak: f64,
+}
+
+/// What half of a taxel's window says about it.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub(super) struct Half {
+    pub(super) rest: Rest,
+    /// Largest magnitude above its baseline in the whole of the window, outliers too.
+    pub(super) strongest: f64,
+}
+
 /// What a taxel's window says about it.
 #[derive(Debug, Default, Clone, Copy, PartialEq)]
 pub(super) struct TaxelIdle {
-    /// Mean of x, y, z without outliers, counts.
-    pub(super) baseline: [f64; 3],
+    pub(super) rest: Rest,
+    /// The first half of the window, that in the middle and the last; none of a few samples.
+    pub(super) halves: [Option<Half>; 3],
+    /// The longest step of its axes, counts.
+    pub(super) step: u32,
     /// Root of the summed variances of the axes from sample to sample, counts; slow motion does not raise it.
     pub(super) noise_counts: f64,
-    /// Largest magnitude above the baseline among the samples that are no outliers.
-    pub(super) peak: f64,
     /// Samples left out.
     pub(super) outliers: u32,
     /// Whether the level moved, as under a touch.
@@ -63,7 +84,7 @@ impl Windows {
             samples: vec![[0; 3]; taxels * KEPT],
             windows: vec![Window::default(); taxels],
             scratch: Vec::with_capacity(KEPT),
-            steps: HandSteps::new(),
+            steps: HandSteps::new(taxels),
         }
     }
 
@@ -121,10 +142,77 @@ impl Windows {
         if samples.is_empty() {
             return None;
         }
-        let mut centre = [0.0; 3];
-        let mut reach = [0.0; 3];
+        let window = &self.windows[taxel];
+        // Those of eight bits are judged by their own least threshold.
+        let steps = match coarse {
+            true => [1; 3],
+            false => window.steps.each_ref().map(|axis| self.steps.of(axis)),
+        };
+        let usual = Usual::of(samples, steps, outlier_sigmas, &mut self.scratch);
+        let length_ns = window.end_ns.saturating_sub(window.start_ns);
+        let pairs = (kept - 1).max(1);
+        let equal = samples.windows(2).filter(|pair| pair[0] == pair[1]).count();
+        let step_ns = length_ns.max(1) as f64 / pairs as f64;
+        let mut idle = TaxelIdle {
+            constant: equal == pairs,
+            changes_per_ns: -(equal as f64 / pairs as f64).ln() / step_ns,
+            rest: usual.rest(samples, baseline, mode),
+            step: if coarse {
+                COARSE_STEP_COUNTS
+            } else {
+                steps.into_iter().fold(1, u32::max)
+            },
+            ..TaxelIdle::default()
+        };
+        let (mut squares, mut pairs) = ([0.0; 3], 0u32);
+        let mut before: Option<&[i32; 3]> = None;
+        for s in samples {
+            if !usual.keeps(s) {
+                idle.outliers += 1;
+                before = None;
+                continue;
+            }
+            if let Some(b) = before {
+                pairs += 1;
+                for a in 0..3 {
+                    squares[a] += f64::from(s[a] - b[a]).powi(2) / 2.0;
+                }
+            }
+            before = Some(s);
+        }
+        let variance = squares.map(|s| s / f64::from(pairs.max(1)));
+        idle.noise_counts = variance.iter().sum::<f64>().sqrt();
+        idle.touched = kept >= TOUCH_SAMPLES
+            && (0..3).any(|a| {
+                let shift = level_shift(samples, a, &mut self.scratch);
+                shift > TOUCH_FLOOR_COUNTS.max(TOUCH_SIGMAS * variance[a].sqrt())
+            });
+        for (i, half) in idle
+            .halves
+            .iter_mut()
+            .enumerate()
+            .filter(|_| kept >= 2 * TOUCH_SAMPLES)
+        {
+            let part = &samples[i * kept / 4..(i + 2) * kept / 4];
+            let rest = Usual::of(part, steps, outlier_sigmas, &mut self.scratch).rest(part, baseline, mode);
+            let from = baseline.unwrap_or(rest.baseline);
+            let strongest = samples.iter().map(|s| mode.of(*s, from)).fold(0.0, f64::max);
+            *half = Some(Half { rest, strongest });
+        }
+        Some(idle)
+    }
+}
+
+/// Within which an axis' samples usually are; what is beyond is an outlier.
+struct Usual {
+    centre: [f64; 3],
+    reach: [f64; 3],
+}
+
+impl Usual {
+    fn of(samples: &[[i32; 3]], steps: [u32; 3], outlier_sigmas: f64, sorted: &mut Vec<i32>) -> Self {
+        let (mut centre, mut reach) = ([0.0; 3], [0.0; 3]);
         for a in 0..3 {
-            let sorted = &mut self.scratch;
             sorted.clear();
             sorted.extend(samples.iter().map(|s| s[a]));
             centre[a] = median(sorted);
@@ -136,63 +224,35 @@ impl Windows {
             );
             let sigma = MAD_TO_SIGMA * median(sorted) / 2.0;
             // Quiet axes move by one step now and then; that is resolution, not an outlier.
-            let step = match coarse {
-                true => 1,
-                false => self.steps.of(&self.windows[taxel].steps[a], a),
-            };
-            reach[a] = outlier_sigmas * sigma.max(f64::from(step) / 2.0);
+            reach[a] = outlier_sigmas * sigma.max(f64::from(steps[a]) / 2.0);
         }
-        let is_kept = |s: &[i32; 3]| (0..3).all(|a| (f64::from(s[a]) - centre[a]).abs() <= reach[a]);
-        let window = &self.windows[taxel];
-        let length_ns = window.end_ns.saturating_sub(window.start_ns);
-        let steps = (kept - 1).max(1);
-        let equal = samples.windows(2).filter(|pair| pair[0] == pair[1]).count();
-        let step_ns = length_ns.max(1) as f64 / steps as f64;
-        let mut idle = TaxelIdle {
-            constant: equal == steps,
-            changes_per_ns: -(equal as f64 / steps as f64).ln() / step_ns,
-            ..TaxelIdle::default()
-        };
+        Self { centre, reach }
+    }
+
+    fn keeps(&self, sample: &[i32; 3]) -> bool {
+        (0..3).all(|a| (f64::from(sample[a]) - self.centre[a]).abs() <= self.reach[a])
+    }
+
+    /// The rest of samples, outliers left out.
+    fn rest(&self, samples: &[[i32; 3]], baseline: Option<[f64; 3]>, mode: MagnitudeMode) -> Rest {
+        let kept = || samples.iter().filter(|s| self.keeps(s));
         let (mut sum, mut used) = ([0i64; 3], 0u32);
-        let (mut squares, mut pairs) = ([0.0; 3], 0u32);
-        let mut before: Option<&[i32; 3]> = None;
-        for s in samples {
-            if !is_kept(s) {
-                idle.outliers += 1;
-                before = None;
-                continue;
-            }
+        for s in kept() {
             used += 1;
             for a in 0..3 {
                 sum[a] += i64::from(s[a]);
             }
-            if let Some(b) = before {
-                pairs += 1;
-                for a in 0..3 {
-                    squares[a] += f64::from(s[a] - b[a]).powi(2) / 2.0;
-                }
-            }
-            before = Some(s);
         }
-        idle.baseline = if used > 0 {
+        let mean = if used > 0 {
             sum.map(|s| s as f64 / f64::from(used))
         } else {
-            centre
+            self.centre
         };
-        let variance = squares.map(|s| s / f64::from(pairs.max(1)));
-        idle.noise_counts = variance.iter().sum::<f64>().sqrt();
-        let from = baseline.unwrap_or(idle.baseline);
-        idle.peak = samples
-            .iter()
-            .filter(|s| is_kept(s))
-            .map(|s| mode.of(*s, from))
-            .fold(0.0, f64::max);
-        idle.touched = kept >= TOUCH_SAMPLES
-            && (0..3).any(|a| {
-                let shift = level_shift(samples, a, &mut self.scratch);
-                shift > TOUCH_FLOOR_COUNTS.max(TOUCH_SIGMAS * variance[a].sqrt())
-            });
-        Some(idle)
+        let from = baseline.unwrap_or(mean);
+        Rest {
+            baseline: mean,
+            peak: kept().map(|s| mode.of(*s, from)).fold(0.0, f64::max),
+        }
     }
 }
 
@@ -265,11 +325,11 @@ mod tests {
         assert_eq!((clean.outliers, spiked.outliers), (0, 4));
         for a in 0..3 {
             assert!(
-                (clean.baseline[a] - spiked.baseline[a]).abs() < 0.3,
+                (clean.rest.baseline[a] - spiked.rest.baseline[a]).abs() < 0.3,
                 "{clean:?} {spiked:?}"
             );
         }
-        assert!(spiked.peak < 5.0);
+        assert!(spiked.rest.peak < 5.0);
         assert!(!spiked.touched);
     }
 
@@ -304,9 +364,9 @@ mod tests {
     fn a_long_window_keeps_samples_from_all_of_it() {
         let idle = judge((0..100_000).map(|i| [i, 0, 0]));
         assert!(
-            (idle.baseline[0] - 50_000.0).abs() < 1_000.0,
+            (idle.rest.baseline[0] - 50_000.0).abs() < 1_000.0,
             "{:?}",
-            idle.baseline
+            idle.rest.baseline
         );
     }
 

@@ -23,10 +23,6 @@ const STUCK_SAMPLES: u32 = 8;
 const CHANGES_DUE: f64 = 14.0;
 /// Times the noise limit, a step and its reversal are unsteady at run time.
 const UNSTEADY_NOISES: f64 = 3.0;
-/// Least threshold of a hand with taxels of eight bits: two steps of 16 counts, as the iCub's own
-/// skinManager has it (docs/protocols.md, "iCub conditioning").
-const COARSE_LEAST_COUNTS: f64 = 32.0;
-
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 enum Phase {
     Waiting,
@@ -44,15 +40,15 @@ pub(super) struct Calibration {
     last_ns: u64,
     windows: Windows,
     pair: FirstPair,
-    idle: Vec<TaxelIdle>,
-    scratch: Vec<f64>,
+    pub(super) idle: Vec<TaxelIdle>,
+    pub(super) scratch: Vec<f64>,
     paper_faulty: Vec<bool>,
     /// How often a taxel of the hand changes at rest, per nanosecond: the median.
     changes_per_ns: f64,
     /// Taxels without a baseline after the last calibration; they find their own when they speak.
     late: usize,
     next_late: usize,
-    report: CalibrationReport,
+    pub(super) report: CalibrationReport,
     reported: bool,
 }
 
@@ -275,10 +271,10 @@ impl Conditioner {
     /// until it does. It shows nothing meanwhile, and has moved away from what it rested at once it changes.
     fn take_rest(&mut self, n: usize, mut idle: TaxelIdle, zero: Option<[f64; 3]>) {
         idle.constant &= self.config.fault_rule.is_robust() && !self.taxels[n].coarse;
-        if idle.constant && self.motion.counts()[n].map(f64::from) == idle.baseline {
+        if idle.constant && self.motion.counts()[n].map(f64::from) == idle.rest.baseline {
             self.taxels[n].health.judge_stuck();
         }
-        self.take_baseline(n, zero.unwrap_or(idle.baseline));
+        self.take_baseline(n, zero.unwrap_or(idle.rest.baseline));
         self.calibration.idle[n] = idle;
     }
 
@@ -310,11 +306,15 @@ impl Conditioner {
                 }
             }
         }
+        if self.config.threshold == ThresholdSource::Window && self.config.baseline == BaselineSource::Window
+        {
+            self.rest_in_the_quietest_half();
+        }
         if self.config.threshold == ThresholdSource::FirstPair {
             let pair = &self.calibration.pair;
             for n in 0..taxels {
                 let zero = pair.zero[n].map(f64::from);
-                self.calibration.idle[n].peak = if pair.present[n] {
+                self.calibration.idle[n].rest.peak = if pair.present[n] {
                     self.config.magnitude.of(pair.one[n], zero)
                 } else {
                     0.0
@@ -324,7 +324,7 @@ impl Conditioner {
         let theta = self.hand_threshold();
         self.thresholds.set_theta(theta);
         for n in 0..taxels {
-            let own = self.own_threshold(self.calibration.idle[n].peak);
+            let own = self.own_threshold(self.calibration.idle[n].rest.peak);
             self.thresholds.set_taxel(n, own);
             self.judge_zero(n);
         }
@@ -349,7 +349,7 @@ impl Conditioner {
     }
 
     /// The reasons against a taxel as they stand at the end of a calibration.
-    fn settled_faults(&self, n: usize) -> Faults {
+    pub(super) fn settled_faults(&self, n: usize) -> Faults {
         let mut faults = self.taxels[n].faults(self.config.fault_rule.is_robust());
         if !self.taxels[n].has_baseline && faults.is_empty() {
             faults.insert(Fault::Missing);
@@ -406,48 +406,6 @@ impl Conditioner {
         self.taxels[n].coarse || rate * ((self.config.stuck_ms * MS) as f64) < CHANGES_DUE
     }
 
-    /// `theta` of eq. (2): the largest idle magnitude among taxels that are neither faulty nor
-    /// touched, nor far beyond the rest, times the margin.
-    fn hand_threshold(&mut self) -> f64 {
-        let window = self.config.threshold == ThresholdSource::Window;
-        let mut peaks = std::mem::take(&mut self.calibration.scratch);
-        peaks.clear();
-        let idle = &self.calibration.idle;
-        let healthy = |n: &usize| {
-            self.taxels[*n].has_baseline && !idle[*n].constant && self.settled_faults(*n).is_empty()
-        };
-        let peak = |n: usize| idle[n].peak;
-        let all = (0..self.baseline.len()).filter(healthy);
-        if window && all.clone().any(|n| !self.touched[n]) {
-            peaks.extend(all.filter(|n| !self.touched[*n]).map(peak));
-        } else {
-            peaks.extend(all.map(peak));
-        }
-        let largest = peaks.iter().copied().fold(0.0, f64::max);
-        let theta = if window {
-            let (median, sigma) = robust_spread(&mut peaks);
-            largest.min(median + self.config.noise_sigmas * sigma.max(median / 4.0))
-        } else {
-            largest
-        };
-        self.calibration.scratch = peaks;
-        self.own_threshold(theta)
-    }
-
-    fn own_threshold(&self, peak: f64) -> f64 {
-        let least = match self.config.threshold_min_counts {
-            // A value on the edge between two steps flickers without being touched.
-            least if least > 0.0 && self.coarse => least.max(COARSE_LEAST_COUNTS),
-            least => least,
-        };
-        let least = if self.config.magnitude.is_squared() {
-            least * least
-        } else {
-            least
-        };
-        (peak * self.config.threshold_margin).max(least)
-    }
-
     /// Gives taxels that spoke too late for the calibration a baseline of their own, a few per frame.
     fn judge_late(&mut self) {
         let taxels = self.baseline.len();
@@ -489,7 +447,7 @@ impl Conditioner {
         self.taxels[n]
             .health
             .judge_noise(robust && limit > 0.0 && idle.noise_counts > limit);
-        let own = self.own_threshold(idle.peak);
+        let own = self.own_threshold(idle.rest.peak);
         self.thresholds.set_taxel(n, own);
         self.judge_zero(n);
     }

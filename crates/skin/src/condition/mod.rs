@@ -15,12 +15,14 @@ mod faults;
 mod feel;
 mod magnitude;
 mod motion;
+mod moved;
 mod pair;
 mod place;
 mod repair;
 mod report;
 mod step;
 mod taxel;
+mod threshold;
 mod unchanging;
 
 pub use calibrated::Calibrated;

@@ -4,6 +4,7 @@ mod ends;
 mod faults;
 mod lasting;
 mod life;
+mod moved;
 mod quiet;
 mod repair;
 mod settings;

@@ -19,6 +19,8 @@ struct Stepped {
     steps: Vec<[f64; 3]>,
     /// Standard deviation, steps.
     noise: f64,
+    /// Added to all counts.
+    offset: f64,
     /// How often each sample comes.
     times: usize,
     frames: usize,
@@ -31,6 +33,7 @@ impl Stepped {
             skin: Skin::new(steps.len(), RATE_HZ, ConditionConfig::robust()),
             rest: vec![[0.0; 3]; steps.len()],
             noise,
+            offset: 0.0,
             times: 1,
             frames: 0,
             seed: 7 * steps.len() as u64,
@@ -64,7 +67,7 @@ impl Stepped {
             for (n, taxel) in counts.iter_mut().enumerate() {
                 *taxel = std::array::from_fn(|axis| {
                     let steps = (self.rest[n][axis] + self.noise * self.normal()).round();
-                    (steps * self.steps[n][axis]) as u16
+                    (steps * self.steps[n][axis] + self.offset).round() as u16
                 });
             }
         }
@@ -132,6 +135,56 @@ fn steps_of_some_boards_axes_and_taxels_are_found_beside_those_of_others() {
             Stepped::new(steps.clone(), noise).check(&format!("case {i}, noise of {noise} steps"));
         }
     }
+}
+
+#[test]
+fn steps_are_found_beside_an_offset_and_after_rounding() {
+    for (step, offset) in [
+        (16.0, 5.0),
+        (12.5, 0.0),
+        (65_535.0 / 4_095.0, 0.0),
+        (65_535.0 / 1_023.0, 3.0),
+        (257.0, 0.0),
+    ] {
+        for noise in [0.15, 0.4] {
+            let mut hand = Stepped::new(vec![[step; 3]; 32], noise);
+            hand.offset = offset;
+            hand.check(&format!(
+                "steps of {step} beside {offset}, noise of {noise} steps"
+            ));
+        }
+    }
+}
+
+#[test]
+fn steps_of_a_few_taxels_among_finer_ones_and_of_hands_of_one_or_two_are_found() {
+    for (taxels, coarse) in [(32, 4), (32, 8), (240, 16), (1, 1), (2, 2)] {
+        for noise in [0.15, 0.3] {
+            let mut steps = vec![[16.0; 3]; coarse];
+            steps.resize(taxels, [1.0; 3]);
+            let mut hand = Stepped::new(steps, noise);
+            while hand.skin.conditioner.is_calibrating() {
+                hand.step_with(|_| {});
+            }
+            let images = hand.images(REST);
+            assert!(
+                images <= REST / 100,
+                "{coarse} of {taxels}, noise of {noise} steps: {images} images at rest"
+            );
+        }
+    }
+}
+
+#[test]
+fn taxels_that_flick_to_one_value_once_show_no_step() {
+    let mut hand = Stepped::new(vec![[0.0; 3]; 32], 0.0);
+    let mut i = 0;
+    while hand.skin.conditioner.is_calibrating() {
+        i += 1;
+        // Three taxels for two frames each.
+        hand.step_with(|frame| frame.counts[i / 10][2] = 100 * u16::from(i < 30 && i % 10 < 2));
+    }
+    assert_eq!(hand.skin.conditioner.threshold(), 10.0);
 }
 
 #[test]

@@ -1,0 +1,65 @@
+//! The contact threshold that a calibration settles on, eq. (2).
+
+use super::Conditioner;
+use super::baseline::robust_spread;
+use super::config::ThresholdSource;
+
+/// As much more than on one axis is a step on all three.
+const AXES: f64 = 1.75;
+/// Least threshold of a hand with taxels of eight bits: two steps of 16 counts, as the iCub's own
+/// skinManager has it (docs/protocols.md, "iCub conditioning").
+const COARSE_LEAST_COUNTS: f64 = 32.0;
+
+impl Conditioner {
+    /// `theta` of eq. (2): the largest idle magnitude among taxels that are neither faulty nor
+    /// touched, nor far beyond the rest, times the margin.
+    pub(super) fn hand_threshold(&mut self) -> f64 {
+        let window = self.config.threshold == ThresholdSource::Window;
+        let mut peaks = std::mem::take(&mut self.calibration.scratch);
+        peaks.clear();
+        let idle = &self.calibration.idle;
+        let healthy = |n: &usize| {
+            self.taxels[*n].has_baseline && !idle[*n].constant && self.settled_faults(*n).is_empty()
+        };
+        let peak = |n: usize| idle[n].rest.peak;
+        let all = (0..self.baseline.len()).filter(healthy);
+        let moved = self.calibration.report.moved;
+        if window && !moved && all.clone().any(|n| !self.touched[n]) {
+            peaks.extend(all.filter(|n| !self.touched[*n]).map(peak));
+        } else {
+            peaks.extend(all.map(peak));
+        }
+        let largest = peaks.iter().copied().fold(0.0, f64::max);
+        let theta = if window {
+            let (median, sigma) = robust_spread(&mut peaks);
+            // One step up and down is no stray, be those that show it ever so few.
+            let step = (0..self.baseline.len())
+                .filter(healthy)
+                .map(|n| idle[n].step)
+                .fold(1, u32::max);
+            let strays = median + self.config.noise_sigmas * sigma.max(median / 4.0);
+            largest.min(strays.max(self.in_unit_of_force(AXES * f64::from(step))))
+        } else {
+            largest
+        };
+        self.calibration.scratch = peaks;
+        self.own_threshold(theta)
+    }
+
+    pub(super) fn own_threshold(&self, peak: f64) -> f64 {
+        let least = match self.config.threshold_min_counts {
+            // A value on the edge between two steps flickers without being touched.
+            least if least > 0.0 && self.coarse => least.max(COARSE_LEAST_COUNTS),
+            least => least,
+        };
+        (peak * self.config.threshold_margin).max(self.in_unit_of_force(least))
+    }
+
+    /// A magnitude in counts, squared where forces are.
+    pub(super) fn in_unit_of_force(&self, counts: f64) -> f64 {
+        match self.config.magnitude.is_squared() {
+            true => counts * counts,
+            false => counts,
+        }
+    }
+}

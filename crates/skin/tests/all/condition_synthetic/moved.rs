@@ -1,0 +1,77 @@
+//! Hands that move in a part of the window that they are calibrated in.
+
+use super::skin::Skin;
+use taxel_skin::ConditionConfig;
+
+const RATE_HZ: u64 = 60;
+const TAXELS: usize = 16;
+
+/// A hand that wobbles by a few counts, calibrated while `motion` of a taxel and a time in seconds is on its last axis.
+fn calibrated(motion: impl Fn(usize, f64) -> f64) -> Skin {
+    let mut hand = Skin::new(TAXELS, RATE_HZ, ConditionConfig::robust());
+    hand.noise.fill([2, 2, 3]);
+    let rest = hand.truth.clone();
+    let mut t = 0.0;
+    while hand.conditioner.is_calibrating() {
+        for (n, truth) in hand.truth.iter_mut().enumerate() {
+            let wobble = 6.0 * (11.0 * t + n as f64).sin();
+            truth[2] = rest[n][2] + (wobble + motion(n, t)).round() as i32;
+        }
+        hand.step_with(|_| {});
+        t += 1.0 / RATE_HZ as f64;
+    }
+    hand.truth = rest;
+    hand
+}
+
+/// Movement by tens of counts that begins at `begin_s`, slowly, and wobbles.
+fn ramp(n: usize, t: f64, begin_s: f64) -> f64 {
+    let since = (t - begin_s).max(0.0);
+    (30.0 + 2.0 * n as f64) * (since / 0.2).min(1.0) * (1.0 + 0.4 * (16.0 * since).sin())
+}
+
+#[test]
+fn a_hand_that_begins_to_move_while_it_is_calibrated_rests_as_before() {
+    let still = calibrated(|_, _| 0.0);
+    assert!(!still.conditioner.report().unwrap().moved);
+    // It moves at the end, or until it comes to rest.
+    for case in ["at the end", "at the beginning"] {
+        let mut hand = calibrated(|n, t| match case {
+            "at the end" => ramp(n, t, 1.05),
+            _ => ramp(n, 0.45 - t, 0.0),
+        });
+        let report = hand.conditioner.report().unwrap();
+        assert!(report.moved && report.is_touched(), "{case}");
+        assert!(
+            report.threshold < 1.4 * still.conditioner.threshold(),
+            "{case}: {report:?}"
+        );
+        for (n, [.., z]) in hand.conditioner.baseline().iter().enumerate() {
+            let off = z - f64::from(hand.truth[n][2]);
+            assert!(off.abs() < 5.0, "{case}: taxel {n} rests {off} counts off");
+        }
+        for _ in 0..60 {
+            hand.step_with(|_| {});
+            assert_eq!(hand.out.contacts(), 0, "{case}");
+        }
+        hand.truth.iter_mut().for_each(|truth| truth[2] += 45);
+        hand.step_with(|_| {});
+        assert_eq!(hand.out.contacts(), TAXELS, "{case}");
+    }
+}
+
+#[test]
+fn a_hand_that_sways_all_the_time_while_it_is_calibrated_feels_nothing_when_it_sways_on() {
+    let sway = |t: f64| 30.0 * (12.0 * t).sin();
+    let mut hand = calibrated(|_, t| sway(t));
+    assert!(!hand.conditioner.report().unwrap().moved);
+    let rest = hand.truth.clone();
+    for i in 0..120 {
+        let t = f64::from(i) / RATE_HZ as f64;
+        for (truth, rest) in hand.truth.iter_mut().zip(&rest) {
+            truth[2] = rest[2] + sway(t).round() as i32;
+        }
+        hand.step_with(|_| {});
+        assert_eq!(hand.out.contacts(), 0);
+    }
+}
