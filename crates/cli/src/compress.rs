@@ -140,7 +140,7 @@ pub(crate) fn run(args: &Args) -> anyhow::Result<()> {
         counts: Counts::default(),
         out_of_use: OutOfUse::default(),
         of_counts: false,
-        any_change_is_contact: false,
+        threshold: None,
         has_gaps: matches!(&input, Input::Frames(recording) if recording.missing() > 0),
     };
     let mut display = Display::new(config.profile.clone(), None, &config.layout)?;
@@ -164,8 +164,8 @@ struct Run {
     out_of_use: OutOfUse,
     /// Whether it holds what boards sent, and not magnitudes.
     of_counts: bool,
-    /// Whether the threshold that was measured is 0.
-    any_change_is_contact: bool,
+    /// The contact threshold that was measured last, counts, or counts squared.
+    threshold: Option<f64>,
     /// Whether the recording itself says that values are not there.
     has_gaps: bool,
 }
@@ -197,7 +197,9 @@ impl Run {
         let Felt { measured, force, .. } = *felt;
         self.counts.take(image);
         self.of_counts = measured.is_some();
-        self.any_change_is_contact |= self.of_counts && !force.calibrating && force.threshold == 0.0;
+        if self.of_counts && !force.calibrating {
+            self.threshold = Some(force.threshold);
+        }
         self.out_of_use.take(force);
         if let Some(frames) = &mut self.frames {
             frames.push(force.clone());
@@ -262,8 +264,15 @@ impl Run {
             0 => String::new(),
             _ => format!(", {calibrating} while calibrating"),
         };
+        let unit = match config.conditioning.magnitude.is_squared() {
+            true => "counts squared",
+            false => "counts",
+        };
+        let threshold = self.threshold.map_or_else(String::new, |threshold| {
+            format!(", contact above {threshold:.0} {unit}")
+        });
         remark!(
-            "{}: {images} images of {}x{}, {with_contact} with contact{while_calibrating}",
+            "{}: {images} images of {}x{}, {with_contact} with contact{while_calibrating}{threshold}",
             args.out.display(),
             config.layout.height,
             config.layout.width,
@@ -287,7 +296,7 @@ impl Run {
             remark!("taxel: taxels are missing in {with_missing} images{hint}");
         }
         self.out_of_use.tell("images");
-        if self.any_change_is_contact {
+        if self.threshold == Some(0.0) {
             remark!(
                 "taxel: the contact threshold is 0: {ANY_CHANGE_IS_CONTACT}; --conditioning robust measures it over a longer time"
             );

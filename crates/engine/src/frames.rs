@@ -16,6 +16,8 @@ pub struct Frames {
     /// Baseline of each taxel, counts x, y, z; not a number where it has none. It means nothing while
     /// [`ForceFrame::calibrating`].
     pub baseline: Vec<[f32; 3]>,
+    /// Whether the hand moved while it was last calibrated ([`CalibrationReport::moved`](taxel_skin::CalibrationReport)).
+    pub moved: bool,
 }
 
 impl Frames {
@@ -26,6 +28,7 @@ impl Frames {
             tactile: TactileFrame::new(taxels),
             force: ForceFrame::new(taxels),
             baseline: vec![[0.0; 3]; taxels],
+            moved: false,
         }
     }
 
@@ -35,6 +38,7 @@ impl Frames {
         if paused {
             self.force.contact.fill(false);
         }
+        self.moved = conditioner.report().is_some_and(|report| report.moved);
         for (taxel, (baseline, known)) in self.baseline.iter_mut().zip(conditioner.baseline()).enumerate() {
             *baseline = match conditioner.has_baseline(taxel) {
                 true => known.map(|counts| counts as f32),

@@ -49,16 +49,18 @@ pub(crate) fn pipeline(
     frames: impl Iterator<Item = impl Into<Recorded>>,
     emit: &mut Emit<'_>,
 ) -> anyhow::Result<()> {
-    showing(emit, |take| run_recorded(config, frames, None, take))
+    showing(config, emit, |take| run_recorded(config, frames, None, take))
 }
 
-/// Shows what each tick of an engine felt, until that fails.
+/// Shows what each tick of an engine felt, until that fails; says whether the hand moved while it was calibrated.
 fn showing(
+    config: &EngineConfig,
     emit: &mut Emit<'_>,
     run: impl FnOnce(&mut dyn FnMut(&Frames) -> ControlFlow<()>) -> Result<(), EngineError>,
 ) -> anyhow::Result<()> {
-    let mut failure = None;
+    let (mut failure, mut moved) = (None, false);
     run(&mut |frames| {
+        moved |= frames.moved;
         let felt = Felt {
             measured: Some(Measured {
                 tactile: &frames.tactile,
@@ -73,6 +75,13 @@ fn showing(
             Some(_) => ControlFlow::Break(()),
         }
     })?;
+    if moved {
+        remark!(
+            "taxel: the hand moved, or was touched, within the calibration of {} ms: only the quietest half of that was taken \
+             for its rest; begin with a hand that is still, or shorten conditioning.calibration_ms in a file for --config",
+            config.conditioning.calibration_ms
+        );
+    }
     failure.map_or(Ok(()), Err)
 }
 
@@ -193,7 +202,7 @@ fn run_whole(
         progress.advance(1);
         frames.fill(frame)
     };
-    showing(emit, |take| run_whole_frames(config, changes, fill, take))
+    showing(config, emit, |take| run_whole_frames(config, changes, fill, take))
 }
 
 /// Shows magnitudes, which are forces already; contacts begin above `threshold` and end at `release`.

@@ -197,6 +197,28 @@ fn frames_are_written_in_the_format_their_file_s_name_tells() {
 }
 
 #[test]
+fn the_threshold_of_counts_is_named_and_a_hand_that_moves_while_it_is_measured() {
+    let dir = TempDir::new().unwrap();
+    for (file, moves) in [("still.npy", false), ("moved.npy", true)] {
+        let counts = Array3::from_shape_fn((120, 16, 3), |(t, n, axis)| {
+            let moved = if moves { 3 * t.clamp(66, 80) - 198 } else { 0 };
+            let noise = (7 * t + 5 * n + 3 * axis) % 4;
+            (20_000 + noise + moved) as u16
+        });
+        ndarray_npy::write_npy(dir.path().join(file), &counts).unwrap();
+        let args = [
+            "compress", file, "--layout", "grid:4x4", "--rate", "60", "--out", "o.npz",
+        ];
+        let (_, err) = succeeds(&dir, &args);
+        assert!(
+            err.contains(" while calibrating, contact above 10 counts\n"),
+            "{err}"
+        );
+        assert_eq!(err.contains("only the quietest half"), moves, "{err}");
+    }
+}
+
+#[test]
 fn magnitudes_are_contacts_above_the_threshold() {
     let dir = TempDir::new().unwrap();
     let mut frames = Array3::<f32>::from_elem((2, 4, 5), 10.0);
