@@ -27,7 +27,7 @@ pub struct DynamixelConfig {
     /// With `allow_writes`: a servo that hears nothing for this long stops its motor, ms, 20 to
     /// 2540 in steps of 20 (Bus Watchdog, address 98).
     pub watchdog_ms: u16,
-    /// How long an answer may take beyond its time on the wire, ms, 0.5 to 100. Without it 4 ms, or
+    /// How long an answer may take beyond its time on the wire, ms, 0.5 to 500. Without it 4 ms, or
     /// for an FTDI adapter 2 ms and twice its latency timer.
     pub answer_margin_ms: Option<f64>,
     /// The joints, in the order in which their angles are given.
@@ -145,7 +145,7 @@ impl DynamixelConfig {
         check_range("joints.", "rate_hz", self.rate_hz, 1.0..=2000.0, "Hz")?;
         check_range("joints.", "watchdog_ms", self.watchdog_ms, 20.0..=2540.0, "ms")?;
         if let Some(ms) = self.answer_margin_ms {
-            check_range("joints.", "answer_margin_ms", ms, 0.5..=100.0, "ms")?;
+            check_range("joints.", "answer_margin_ms", ms, 0.5..=500.0, "ms")?;
         }
         if !self.watchdog_ms.is_multiple_of(20) {
             return Err(JointsConfigError::WatchdogStep(self.watchdog_ms));

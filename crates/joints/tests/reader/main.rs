@@ -19,6 +19,8 @@ use taxel_joints::{
 use taxel_sim::servo::{LinePty, Motion, ServoBuild, ServoBus, ServoFault, ServoPty, servo_clock_ns};
 
 const BAUD: u32 = 1_000_000;
+/// What takes longer has hung, also on a busy machine.
+const HANGS_AFTER: Duration = Duration::from_secs(200);
 
 fn pty(n: u8) -> ServoPty {
     ServoPty::open(ServoBus::new((1..=n).map(ServoBuild::new), BAUD)).unwrap()
@@ -28,12 +30,12 @@ fn config(path: &Path, n: u8) -> DynamixelConfig {
     let mut config = DynamixelConfig::new(path, 1..=n);
     config.rate_hz = 500.0;
     // The machine that runs the tests may be busy.
-    config.answer_margin_ms = Some(50.0);
+    config.answer_margin_ms = Some(400.0);
     config
 }
 
 fn eventually(reader: &ServoReader, what: &str, done: impl Fn(&ServoSnapshot) -> bool) -> ServoSnapshot {
-    let end = Instant::now() + Duration::from_secs(20);
+    let end = Instant::now() + HANGS_AFTER;
     loop {
         let snapshot = reader.snapshot();
         if done(&snapshot) {
@@ -101,7 +103,7 @@ fn an_adapter_that_comes_back_under_another_number_is_found_by_its_stable_name()
     drop(first);
     std::fs::remove_file(&name).unwrap();
     eventually(&reader, "gone", |s| s.results[0] == Err(NoReading::NotAsked));
-    let end = Instant::now() + Duration::from_secs(20);
+    let end = Instant::now() + HANGS_AFTER;
     let reason = loop {
         if let PortState::Away { reason, .. } = reader.port().state
             && reason.contains("/dev/serial/by-id")
@@ -126,7 +128,7 @@ fn a_port_that_another_program_has_is_not_said_to_be_unplugged() {
     let first = ServoReader::start(&config(pty.path(), 2)).unwrap();
     eventually(&first, "read", all_read);
     let second = ServoReader::start(&config(pty.path(), 2)).unwrap();
-    let end = Instant::now() + Duration::from_secs(20);
+    let end = Instant::now() + HANGS_AFTER;
     let reason = loop {
         match second.port().state {
             PortState::Away { reason, .. } => break reason,
@@ -167,25 +169,29 @@ fn angles_are_given_for_the_instant_that_is_asked_for() {
     eventually(&reader, "read often", |s| {
         s.servos[0].counters.ok > 60 && s.servos[0].identity.is_some()
     });
-    let mut errors = Vec::new();
-    let newest = eventually(&reader, "read", all_read).results[0].unwrap().t_ns;
     let mut history = JointHistory::new(1, 32);
-    // It is tried: while the thread has the lock there is nothing new.
-    let end = Instant::now() + Duration::from_secs(20);
-    while reader.try_history_since(0, &mut history) == 0 {
-        assert!(Instant::now() < end, "the lock is never free");
-    }
-    for back_ms in 0..150 {
-        let t_ns = newest - back_ms * 1_000_000;
-        let at = history.at(0, t_ns).unwrap();
-        let truth = (pty.bus().servo(1).unwrap().position(t_ns) - 2048.0) * std::f64::consts::TAU / 4096.0;
-        // On a busy machine cycles may be missed; what is left is between readings that are close.
-        if at.age_ns <= 5_500_000 && !at.extrapolated {
-            errors.push((at.angle_rad - truth).abs());
+    let end = Instant::now() + HANGS_AFTER;
+    // It is tried: while the thread has the lock there is nothing new. On a busy machine cycles are missed: only what is
+    // between readings that are close counts, and there is a time with enough of it.
+    let mut errors = Vec::new();
+    while errors.len() <= 10 {
+        assert!(Instant::now() < end, "close readings: {}", errors.len());
+        let newest = eventually(&reader, "read", all_read).results[0].unwrap().t_ns;
+        if reader.try_history_since(0, &mut history) == 0 {
+            continue;
+        }
+        errors.clear();
+        for back_ms in 0..150 {
+            let t_ns = newest - back_ms * 1_000_000;
+            let at = history.at(0, t_ns).unwrap();
+            let truth =
+                (pty.bus().servo(1).unwrap().position(t_ns) - 2048.0) * std::f64::consts::TAU / 4096.0;
+            if at.age_ns <= 5_500_000 && !at.extrapolated {
+                errors.push((at.angle_rad - truth).abs());
+            }
         }
     }
     let tested = errors.len();
-    assert!(tested > 10, "{tested}");
     errors.sort_by(f64::total_cmp);
     let (median, worst) = (errors[tested / 2], errors[tested - 1]);
     println!("interpolated over the terminal: {median:.5} rad off, {worst:.5} at most, {tested} instants");
@@ -342,7 +348,7 @@ fn potentiometers_are_read_line_by_line_and_their_port_is_opened_again() {
     let config: AnalogueConfig = toml::from_str(&format!("device = {link:?}\n{joints}")).unwrap();
     let reader = AnalogueReader::start(&config, || ()).unwrap();
     let wait = |what: &str, done: &dyn Fn(&AnalogueSnapshot) -> bool| {
-        let end = Instant::now() + Duration::from_secs(20);
+        let end = Instant::now() + HANGS_AFTER;
         while !done(&reader.snapshot()) {
             assert!(Instant::now() < end, "never {what}: {:?}", reader.snapshot());
             std::thread::sleep(Duration::from_millis(2));
@@ -354,7 +360,7 @@ fn potentiometers_are_read_line_by_line_and_their_port_is_opened_again() {
     assert_eq!(snapshot.angles[1], Err(NoAngle::AtEnd(0.0)));
     let mut history = JointHistory::new(2, 32);
     // It is tried: while the thread has the lock there is nothing new.
-    let end = Instant::now() + Duration::from_secs(20);
+    let end = Instant::now() + HANGS_AFTER;
     while reader.try_history_since(0, &mut history) == 0 {
         assert!(Instant::now() < end, "the lock is never free");
     }
