@@ -230,7 +230,7 @@ mod tests {
     use taxel_joints::{AllegroConfig, AllegroSource, JointSource, JointsConfig};
     use taxel_skin::Layout;
 
-    const PATIENCE: Duration = Duration::from_secs(20);
+    const PATIENCE: Duration = Duration::from_secs(200);
 
     fn config(folder: &Path, skin: &str) -> Config {
         let layout = Layout::builtin("allegro-uskin-15").unwrap();

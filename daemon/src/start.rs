@@ -232,7 +232,7 @@ mod tests {
             ready,
             async || -> Result<std::future::Ready<()>, StartError> { panic!("as the test wants it") },
         );
-        let patience = Duration::from_secs(20);
+        let patience = Duration::from_secs(200);
         assert!(is_ready.recv_timeout(patience).unwrap().is_ok());
         let other = is_ready.recv_timeout(patience).unwrap_err();
         assert_eq!(other, RecvTimeoutError::Disconnected);

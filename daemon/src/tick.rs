@@ -413,7 +413,7 @@ mod tests {
         let mut thread = crate::start::open_pipeline(&config, &shared).unwrap().thread;
         thread.sources = vec![Box::new(Flooded::default())];
         let thread = std::thread::spawn(move || thread.run());
-        let deadline = std::time::Instant::now() + Duration::from_secs(20);
+        let deadline = std::time::Instant::now() + Duration::from_secs(200);
         let images = || shared.snapshot.lock().unwrap().images;
         while images() < 5 && std::time::Instant::now() < deadline {
             std::thread::sleep(Duration::from_millis(10));

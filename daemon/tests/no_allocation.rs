@@ -14,6 +14,9 @@ use taxeld::{Config, Daemon};
 #[global_allocator]
 static ALLOCATOR: Counting = Counting;
 
+/// What takes longer has hung, also on a busy machine.
+const HANGS_AFTER: Duration = Duration::from_secs(200);
+
 fn tick_thread() -> usize {
     for task in std::fs::read_dir("/proc/self/task").unwrap() {
         let task = task.unwrap().path();
@@ -31,13 +34,10 @@ fn drain(mut subscriber: Subscriber) {
 
 /// Waits until the subscriber has seen `images` images, and returns how many joint angles were known at most.
 fn watch(subscriber: &mut Subscriber, images: u64) -> usize {
-    let deadline = Instant::now() + Duration::from_secs(30);
+    let deadline = Instant::now() + HANGS_AFTER;
     let (mut seen, mut joints) = (0, 0);
     while seen < images {
-        assert!(
-            Instant::now() < deadline,
-            "only {seen} of {images} images in 30 s"
-        );
+        assert!(Instant::now() < deadline, "only {seen} of {images} images");
         if let Some(Received::Image(_, image)) = subscriber.next_timeout(Duration::from_secs(1)).unwrap() {
             seen += 1;
             joints = joints.max(image.joints().filter(|angle| angle.is_finite()).count());
@@ -59,21 +59,18 @@ fn display(config: &Config, profile: Profile, region: Option<&str>) -> Subscribe
         .hello()
         .is_none_or(|hello| hello.profile != (&profile).into())
     {
-        subscriber
-            .next_timeout(Duration::from_secs(10))
-            .unwrap()
-            .expect("an answer");
+        subscriber.next_timeout(HANGS_AFTER).unwrap().expect("an answer");
     }
     subscriber
 }
 
-/// A recording of a version 4 Allegro hand that sends its angles every 3 ms for 30 s.
+/// A recording of a version 4 Allegro hand that sends its angles every 6 ms for longer than the test, also on a busy machine.
 fn recorded_hand(folder: &Path) -> PathBuf {
     let mut text = String::new();
-    for t_us in (0..30_000_000).step_by(3000) {
+    for t_us in (0..HANGS_AFTER.as_micros() as u32).step_by(6000) {
         for finger in 0..4 {
             let (s, us, id) = (t_us / 1_000_000, t_us % 1_000_000, 0x080 + 4 * finger);
-            let angle = (t_us / 3000 % 256) as u8;
+            let angle = (t_us / 6000 % 256) as u8;
             writeln!(text, "({s}.{us:06}) can2 {id:03X}#00{angle:02X}000000000000").unwrap();
         }
     }

@@ -22,7 +22,7 @@ class Awaited:
         return lambda *arguments, **keys: self._run(getattr(self._control, name)(*arguments, **keys))
 
     def _run(self, asked):
-        return self._loop.run_until_complete(asyncio.wait_for(asked, 20))
+        return self._loop.run_until_complete(asyncio.wait_for(asked, 300))
 
     def __enter__(self):
         self._run(self._control.__aenter__())
@@ -132,7 +132,7 @@ def test_a_connection_that_is_closed_over_an_unread_request_is_told_with_its_pla
 def test_a_reply_that_comes_late_is_not_that_of_the_next_request(daemon, control_of):
     with control_of(daemon.control, timeout=0.05) as control:
         late = threading.Event()
-        daemon.answer = lambda _: late.wait(20) and {"ok": True}
+        daemon.answer = lambda _: late.wait(300) and {"ok": True}
         with pytest.raises(TimeoutError, match="has not answered"):
             control.rezero()
         late.set()
@@ -162,7 +162,7 @@ def test_a_daemon_that_takes_no_connection_is_told_with_its_place(tmp_path, cont
 
 def test_the_end_of_a_block_of_asyncio_ends_whoever_waits_in_it(daemon):
     late = threading.Event()
-    daemon.answer = lambda _: late.wait(20) and {"ok": True}
+    daemon.answer = lambda _: late.wait(300) and {"ok": True}
 
     async def ask():
         async with taxel.aio.Control(daemon.control) as control:
@@ -173,7 +173,7 @@ def test_the_end_of_a_block_of_asyncio_ends_whoever_waits_in_it(daemon):
         with pytest.raises(ConnectionError, match="before it answered"):
             await waits
 
-    asyncio.run(asyncio.wait_for(ask(), 20))
+    asyncio.run(asyncio.wait_for(ask(), 300))
     late.set()
 
 

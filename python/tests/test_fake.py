@@ -40,7 +40,7 @@ REFUSED_REQUESTS = [
 @pytest.mark.parametrize("asked", REFUSED, ids=str)
 def test_subscriptions_that_taxeld_refuses_are_refused(daemon, asked):
     with taxel.connect(daemon.path, **asked) as hand, pytest.raises(taxel.Refused):
-        hand.next(timeout=10)
+        hand.next(timeout=300)
 
 
 @pytest.mark.parametrize("request_", REFUSED_REQUESTS, ids=str)
@@ -59,7 +59,7 @@ def test_images_that_no_display_of_this_kind_shows_are_not_made(daemon):
 
 
 def levels(hand):
-    return hand.next(timeout=10).actuators.level.tolist()
+    return hand.next(timeout=300).actuators.level.tolist()
 
 
 @pytest.mark.parametrize("asked", [{}, {"profile": {"levels": 4}}, {"raw": True}])

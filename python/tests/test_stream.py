@@ -17,7 +17,7 @@ from taxel.fake import _event, _message
 def test_an_image_comes_as_arrays(daemon):
     with taxel.connect(daemon.path) as hand:
         sent = daemon.press([(1, 2, 1), (3, 0, 4)], joints=[0.5, float("nan")])
-        image = hand.next(timeout=10)
+        image = hand.next(timeout=300)
     assert image.pixels.tolist() == [[0, 0, 0, 255], [0, 0, 0, 0], [0, 64, 0, 0]]
     assert image.actuators.id.tolist() == [0, 1]
     assert [(a.x, a.y, a.level, a.force) for a in image.actuators] == [(1, 2, 1, 100), (3, 0, 4, 400)]
@@ -30,7 +30,7 @@ def test_an_image_comes_as_arrays(daemon):
 def test_an_image_without_contact_has_empty_arrays(daemon):
     with taxel.connect(daemon.path) as hand:
         daemon.press()
-        image = hand.next(timeout=10)
+        image = hand.next(timeout=300)
     assert len(image.actuators) == len(image.levels) == len(image.joints) == 0
     assert not image.pixels.any()
 
@@ -95,7 +95,7 @@ def test_asyncio_goes_on_while_the_daemon_takes_no_connection(full, never_sleeps
             hand.close()
             return await reader
 
-    assert asyncio.run(asyncio.wait_for(follow(), 20)) is None
+    assert asyncio.run(asyncio.wait_for(follow(), 300)) is None
 
 
 def test_asyncio_is_told_that_the_daemon_takes_no_connection_and_may_give_up(full, never_sleeps, monkeypatch):
@@ -110,7 +110,7 @@ def test_asyncio_is_told_that_the_daemon_takes_no_connection_and_may_give_up(ful
             hand.close()
             return await reader
 
-    assert asyncio.run(asyncio.wait_for(follow(), 20)) is None
+    assert asyncio.run(asyncio.wait_for(follow(), 300)) is None
 
 
 def test_a_time_out_is_kept_while_the_daemon_takes_no_connection(full, never_sleeps):
@@ -124,11 +124,11 @@ def test_a_daemon_that_was_waited_for_has_not_restarted(daemon):
         assert hand.next(timeout=0) is None and hand.gone
         daemon.restart()
         daemon.press([(0, 0, 1)])
-        assert hand.next(timeout=10) is not None
+        assert hand.next(timeout=300) is not None
         assert hand.restarts == 0 and hand.gone == ""
         daemon.restart()
         daemon.press([(0, 0, 2)])
-        assert hand.next(timeout=10) is not None
+        assert hand.next(timeout=300) is not None
         assert hand.restarts == 1
 
 
@@ -143,23 +143,23 @@ def test_who_is_turned_away_or_let_go_has_seen_no_restart(daemon):
             client, _ = listener.accept()
             client.send(_event("disconnect", full))
             client.close()
-            assert hand.message(timeout=10).message == full
+            assert hand.message(timeout=300).message == full
             # Finds the connection ended, and connects anew.
             assert hand.message(timeout=0.0) is None and hand.gone == full
             assert hand.message(timeout=0.0) is None
     daemon.path.unlink()
     daemon.start()
     daemon.press([(0, 0, 1)])
-    assert hand.next(timeout=10) is not None
+    assert hand.next(timeout=300) is not None
     assert hand.restarts == 0 and hand.gone == ""
     daemon.event("disconnect", "it made room")
     daemon.restart()
     daemon.press([(0, 0, 2)])
-    assert hand.next(timeout=10) is not None
+    assert hand.next(timeout=300) is not None
     assert hand.restarts == 0
     daemon.restart()
     daemon.press([(0, 0, 3)])
-    assert hand.next(timeout=10) is not None
+    assert hand.next(timeout=300) is not None
     assert hand.restarts == 1
     hand.close()
 
@@ -177,7 +177,7 @@ def test_a_refused_subscription_says_why(daemon):
     daemon.refuses = "the profile costs too much"
     refused = pytest.raises(taxel.Refused, match="costs too much")
     with taxel.connect(daemon.path, profile={"levels": 200}) as hand, refused:
-        hand.next(timeout=10)
+        hand.next(timeout=300)
 
 
 def test_no_daemon_is_told_with_its_place_unless_it_is_waited_for(tmp_path):
@@ -223,7 +223,7 @@ def test_images_come_to_asyncio_across_a_restart(daemon):
                 daemon.restart()
                 daemon.press([(0, 0, 2)])
 
-    assert asyncio.run(asyncio.wait_for(follow(), 20)) == ([[1], [2]], 1)
+    assert asyncio.run(asyncio.wait_for(follow(), 300)) == ([[1], [2]], 1)
 
 
 def test_nothing_is_lost_by_a_wait_that_is_given_up(daemon):
@@ -232,7 +232,7 @@ def test_nothing_is_lost_by_a_wait_that_is_given_up(daemon):
             with pytest.raises(asyncio.TimeoutError):
                 await asyncio.wait_for(hand.next(), 0.05)
             daemon.press([(0, 0, 3)])
-            return (await asyncio.wait_for(hand.next(), 10)).actuators.level.tolist()
+            return (await asyncio.wait_for(hand.next(), 300)).actuators.level.tolist()
 
     assert asyncio.run(follow()) == [3]
 
@@ -245,7 +245,7 @@ def test_images_of_before_the_answer_are_not_taken_for_what_was_asked(daemon):
         daemon.answers = True
         daemon.wait_for_subscription()
         daemon.press([(0, 0, 2)])
-        assert hand.next(timeout=10).actuators.level.tolist() == [2]
+        assert hand.next(timeout=300).actuators.level.tolist() == [2]
 
 
 def test_a_daemon_that_answers_no_plain_subscription_is_not_waited_for(daemon):
@@ -253,11 +253,11 @@ def test_a_daemon_that_answers_no_plain_subscription_is_not_waited_for(daemon):
     daemon.answers = False
     with taxel.connect(daemon.path, max_rate_hz=10) as hand:
         daemon.press([(0, 0, 1)])
-        assert hand.next(timeout=10).actuators.level.tolist() == [1]
+        assert hand.next(timeout=300).actuators.level.tolist() == [1]
 
 
 def test_closing_ends_whoever_waits_and_nothing_opens_the_stream_again(daemon):
-    for iterate in (iter, taxel.Stream.images, lambda hand: hand.images(timeout=60)):
+    for iterate in (iter, taxel.Stream.images, lambda hand: hand.images(timeout=600)):
         hand = taxel.connect(daemon.path)
         seen = []
         reader = threading.Thread(target=lambda images: seen.extend(images), args=(iterate(hand),))
@@ -266,7 +266,7 @@ def test_closing_ends_whoever_waits_and_nothing_opens_the_stream_again(daemon):
         while not seen:
             time.sleep(0.001)
         hand.close()
-        reader.join(10)
+        reader.join(300)
         assert not reader.is_alive() and len(seen) == 1
 
     async def follow():
@@ -278,10 +278,10 @@ def test_closing_ends_whoever_waits_and_nothing_opens_the_stream_again(daemon):
         reader = asyncio.ensure_future(iterate())
         await asyncio.sleep(0)
         hand.close()
-        assert await asyncio.wait_for(reader, 10) == []
+        assert await asyncio.wait_for(reader, 300) == []
         assert await hand.next() is None and await hand.message() is None
 
-    asyncio.run(asyncio.wait_for(follow(), 20))
+    asyncio.run(asyncio.wait_for(follow(), 300))
 
 
 def test_a_second_reader_of_a_stream_is_told_so(daemon):
@@ -294,7 +294,7 @@ def test_a_second_reader_of_a_stream_is_told_so(daemon):
             daemon.press([(0, 0, 3)])
             return (await first).actuators.level.tolist()
 
-    assert asyncio.run(asyncio.wait_for(follow(), 20)) == [3]
+    assert asyncio.run(asyncio.wait_for(follow(), 300)) == [3]
     hand = taxel.connect(daemon.path)
     first = threading.Thread(target=hand.next)
     first.start()
@@ -302,7 +302,7 @@ def test_a_second_reader_of_a_stream_is_told_so(daemon):
         time.sleep(0.001)
     with hand, pytest.raises(RuntimeError, match="connect once for each reader"):
         hand.next()
-    first.join(10)
+    first.join(300)
 
 
 def test_a_refused_stream_asks_again_when_it_is_read_on(daemon):
@@ -310,8 +310,8 @@ def test_a_refused_stream_asks_again_when_it_is_read_on(daemon):
     with taxel.connect(daemon.path, region=["index"]) as hand:
         for _ in range(2):
             with pytest.raises(taxel.Refused, match="no part"):
-                hand.next(timeout=10)
+                hand.next(timeout=300)
         daemon.refuses = None
         assert hand.next(timeout=0.05) is None
         daemon.press([(0, 0, 1)])
-        assert hand.next(timeout=10).actuators.level.tolist() == [1]
+        assert hand.next(timeout=300).actuators.level.tolist() == [1]

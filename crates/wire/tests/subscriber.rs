@@ -11,7 +11,7 @@ use taxel_wire::{
     split_text,
 };
 
-const LONG: Duration = Duration::from_secs(20);
+const LONG: Duration = Duration::from_secs(200);
 
 fn connected() -> (Subscriber, Client) {
     let daemon = FakeDaemon::new();

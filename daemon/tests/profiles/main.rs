@@ -15,7 +15,7 @@ use taxel_wire::{Event, EventKind, Hello, ReadError, Subscribe, Subscriber};
 use taxeld::Config;
 use tempfile::TempDir;
 
-pub(crate) const PATIENCE: Duration = Duration::from_secs(20);
+pub(crate) const PATIENCE: Duration = Duration::from_secs(200);
 
 pub(crate) fn hand() -> Layout {
     Layout::builtin("allegro-uskin-15").unwrap()

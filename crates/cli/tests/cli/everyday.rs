@@ -1,13 +1,13 @@
 //! `taxel pause`, `resume`, `profile` and their like, of a real daemon in this process.
 
-use crate::{fails, simulated, succeeds};
+use crate::{HANGS_AFTER, fails, simulated, succeeds};
 use serde_json::{Value, json};
 use std::fs::{self, File};
 use std::io::{BufRead, BufReader, Write};
 use std::os::unix::net::UnixListener;
 use std::process::Command;
 use std::thread::JoinHandle;
-use std::time::{Duration, Instant};
+use std::time::Instant;
 use tempfile::TempDir;
 
 const CONTROL: [&str; 2] = ["--socket", "control.sock"];
@@ -20,7 +20,7 @@ fn object(dir: &TempDir, args: &[&str]) -> Value {
 
 /// The status follows with the next tick.
 fn waits_until_paused(dir: &TempDir, paused: bool) {
-    let end = Instant::now() + Duration::from_secs(60);
+    let end = Instant::now() + HANGS_AFTER;
     while object(dir, &["status", "--json"])["paused"] != paused {
         assert!(Instant::now() < end, "the status does not say paused: {paused}");
     }
@@ -37,7 +37,7 @@ fn every_request_can_be_answered_in_json() {
         let (_, said) = succeeds(&dir, &[&["watch", "--socket", "images.sock"], count].concat());
         said.contains("paused: images show no contact")
     };
-    let end = Instant::now() + Duration::from_secs(60);
+    let end = Instant::now() + HANGS_AFTER;
     while !watch(&["--count", "1"]) {
         assert!(Instant::now() < end, "nobody is told of the pause");
     }

@@ -1,6 +1,6 @@
 //! Recordings that are damaged, have no end or are none, and files that are written whole or not at all.
 
-use crate::{fails, succeeds, texts};
+use crate::{HANGS_AFTER, fails, succeeds, texts};
 use ndarray::{Array2, Array3};
 use std::os::unix::fs::symlink;
 use std::process::{Command, Stdio};
@@ -313,7 +313,7 @@ fn work_that_is_told_to_stop_leaves_no_half_of_a_file() {
                 .filter(|name| name.to_string_lossy().starts_with("out."))
                 .count()
         };
-        let deadline = Instant::now() + Duration::from_secs(30);
+        let deadline = Instant::now() + HANGS_AFTER;
         while parts() == 0 {
             assert!(Instant::now() < deadline, "{args:?}: no file is begun");
             std::thread::sleep(Duration::from_millis(1));

@@ -35,10 +35,14 @@ mod watch;
 use std::fs::OpenOptions;
 use std::path::Path;
 use std::process::{Command, Output, Stdio};
+use std::time::Duration;
 use taxel_can::SourceAddress;
 use taxel_skin::Layout;
 use taxeld::{Config, Daemon};
 use tempfile::TempDir;
+
+/// What takes longer has hung, also on a busy machine.
+pub(crate) const HANGS_AFTER: Duration = Duration::from_secs(200);
 
 pub(crate) fn taxel(dir: &TempDir, args: &[&str]) -> Output {
     let mut command = Command::new(env!("CARGO_BIN_EXE_taxel"));

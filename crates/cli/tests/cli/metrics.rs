@@ -1,6 +1,6 @@
 //! `taxel metrics`, of a real daemon in this process.
 
-use crate::{fails, simulated, succeeds};
+use crate::{HANGS_AFTER, fails, simulated, succeeds};
 use std::io::{BufRead, BufReader, ErrorKind, Read, Write};
 use std::net::TcpStream;
 use std::process::{Child, ChildStderr, Command, Stdio};
@@ -161,11 +161,9 @@ fn a_client_that_asks_nothing_or_byte_by_byte_keeps_nobody_waiting() {
     let exporter = Exporter::start(&dir);
     let connect = || TcpStream::connect(&exporter.address).unwrap();
     let _idle: Vec<TcpStream> = (0..IDLE).map(|_| connect()).collect();
-    // Bounds failure alone.
-    let patience = Duration::from_secs(30);
     let scrape = |exporter: &Exporter| {
         let mut stream = connect();
-        stream.set_read_timeout(Some(patience)).unwrap();
+        stream.set_read_timeout(Some(HANGS_AFTER)).unwrap();
         write!(stream, "GET /metrics HTTP/1.1\r\n\r\n").unwrap();
         let mut answer = String::new();
         stream.read_to_string(&mut answer).expect(&exporter.address);
@@ -174,7 +172,7 @@ fn a_client_that_asks_nothing_or_byte_by_byte_keeps_nobody_waiting() {
     scrape(&exporter);
 
     let mut slow = connect();
-    let ended_by = Instant::now() + patience;
+    let ended_by = Instant::now() + HANGS_AFTER;
     write!(slow, "GET /metrics HTTP/1.1\r\na").unwrap();
     scrape(&exporter);
     slow.set_read_timeout(Some(Duration::from_millis(100))).unwrap();
@@ -210,7 +208,7 @@ fn a_file_of_metrics_that_cannot_be_written_for_a_while_is_written_again() {
         .spawn()
         .unwrap();
     let mut said = BufReader::new(child.stderr.take().unwrap()).lines();
-    let deadline = Instant::now() + Duration::from_secs(30);
+    let deadline = Instant::now() + HANGS_AFTER;
     while !folder.join("taxeld.prom").exists() {
         assert!(Instant::now() < deadline && child.try_wait().unwrap().is_none());
         std::thread::yield_now();

@@ -1,6 +1,6 @@
 //! Recordings on stdin and stdout, and answers for scripts.
 
-use crate::{fails, succeeds, texts};
+use crate::{HANGS_AFTER, fails, succeeds, texts};
 use serde_json::Value;
 use std::fs::{self, File};
 use std::io::Write;
@@ -152,7 +152,7 @@ fn a_signal_leaves_nothing_of_what_came_through_a_pipe() {
         let mut child = command.stdin(Stdio::piped()).spawn().unwrap();
         let mut stdin = child.stdin.take();
         stdin.as_mut().unwrap().write_all(&log).unwrap();
-        let deadline = Instant::now() + Duration::from_secs(60);
+        let deadline = Instant::now() + HANGS_AFTER;
         let begun = || match is_read {
             false => count(&temporary, "taxel-") > 0,
             true => count(dir.path(), "out.") > 0,

@@ -12,7 +12,7 @@ use taxel_serve::{
 use taxel_wire::{Clock, Encode, EncodeError, Header, Hello, HelloRate, Received, Subscribe, Subscriber};
 use tokio_seqpacket::UnixSeqpacketListener;
 
-pub(crate) const PATIENCE: Duration = Duration::from_secs(20);
+pub(crate) const PATIENCE: Duration = Duration::from_secs(200);
 /// Messages that are kept for a reader of every one at this rate.
 pub(crate) const DEPTH: u64 = 16;
 
