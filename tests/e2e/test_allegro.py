@@ -9,7 +9,7 @@ from contextlib import ExitStack
 import can
 import pytest
 from harness.bus import GROUP, free_udp_port
-from harness.daemon import Daemon, binary
+from harness.daemon import HANGS_AFTER_S, Daemon, binary
 from harness.joints import SCENE, TICK, Watch, all_known, comes, refused
 
 COUNT_RAD = math.radians(333.3 / 65536)
@@ -81,7 +81,7 @@ def test_a_hand_of_its_own_bus_is_started_and_stopped(folder, version, start, en
     joints = {"source": f"allegro:udp:{GROUP}:{port}?hops=0", "allegro": {"version": version, "own_bus": True}}
     with can.Bus(GROUP, interface="udp_multicast", port=port, hop_limit=0) as ear:
         with Daemon(folder / "d", SCENE, tick=TICK, joints=joints) as daemon:
-            heard = [ear.recv(5).arbitration_id for _ in start]
+            heard = [ear.recv(HANGS_AFTER_S).arbitration_id for _ in start]
             assert heard == start
             assert "start" in daemon.status()["joints"]["writes"]
         last = None
@@ -172,7 +172,7 @@ def test_a_hand_on_the_skins_bus_is_read_beside_it_and_either_goes_on_without_th
         ends.callback(stop.set)
         # The hand alone: its skin is missed, its joints are not.
         watch.until(all_known, "the hand's angles stay unknown without the skin")
-        heard = {ear.recv(5).arbitration_id for _ in range(400)}
+        heard = {ear.recv(HANGS_AFTER_S).arbitration_id for _ in range(400)}
         assert heard == hand_ids | {0x201}, "something else than the start of the skin's board was sent"
 
         skin = play("roll", [address], "--layout", "uskin-module")

@@ -12,7 +12,7 @@ import pytest
 import taxel_reader
 from conditioning import DAEMON_SETTINGS
 from harness.compare import Reference, assert_same
-from harness.daemon import ask, eventually, read_reply
+from harness.daemon import HANGS_AFTER_S, ask, eventually, read_reply
 from harness.lockstep import next_image
 from harness.touches import Touches, grasp
 from sequential_clustering import Profile
@@ -20,14 +20,12 @@ from sequential_clustering import Profile
 
 def raw_client(daemon):
     client = socket.socket(socket.AF_UNIX, socket.SOCK_SEQPACKET)
-    client.settimeout(10)
     client.connect(str(daemon.images))
     return client
 
 
 def control_client(daemon):
     client = socket.socket(socket.AF_UNIX, socket.SOCK_STREAM)
-    client.settimeout(10)
     client.connect(str(daemon.control_path))
     return client
 
@@ -92,7 +90,7 @@ def test_a_client_that_sends_nonsense_is_told_and_let_go(daemon, healthy, name):
         reader = taxel_reader.Reader(client)
         with pytest.raises(taxel_reader.Closed) as closed:
             while True:
-                assert reader.receive(10) is not None, "neither an answer nor the end"
+                assert reader.receive(HANGS_AFTER_S) is not None, "neither an answer nor the end"
         assert closed.value.reason, "it was cut off without a reason"
     healthy()
     only_the_healthy_one_is_left(daemon)
@@ -100,10 +98,10 @@ def test_a_client_that_sends_nonsense_is_told_and_let_go(daemon, healthy, name):
 
 def test_a_subscription_that_is_refused_is_told_why_and_can_be_corrected(daemon, healthy):
     with taxel_reader.connect(daemon.images, max_rate_hz=-1) as reader:
-        eventually(lambda: (reader.receive(10), reader.event)[1], "no event tells that the subscription was refused")
+        eventually(lambda: (reader.receive(HANGS_AFTER_S), reader.event)[1], "no event tells that the subscription was refused")
         assert reader.event["event"] == "refused" and "max_rate_hz" in reader.event["message"]
         reader.subscribe(raw=True, image=False)
-        eventually(lambda: isinstance(reader.receive(10), taxel_reader.Raw), "no raw frame after a good subscription")
+        eventually(lambda: isinstance(reader.receive(HANGS_AFTER_S), taxel_reader.Raw), "no raw frame after a good subscription")
     healthy()
 
 
@@ -141,7 +139,7 @@ def test_a_hundred_clients_at_once_all_see_the_grasp(daemon, healthy):
     # None of them reads while the healthy one is looked at; afterwards each finds what its socket still holds.
     healthy()
     for client in clients:
-        message = client.receive(10)
+        message = client.receive(HANGS_AFTER_S)
         assert isinstance(message, taxel_reader.Text) and client.hello is not None
         client.close()
     only_the_healthy_one_is_left(daemon)
@@ -153,36 +151,36 @@ def test_one_client_too_many_is_turned_away_with_a_reason(start):
     daemon.wait_status(lambda s: len(s["subscribers"]) == 3, "three clients are not served")
     with taxel_reader.connect(daemon.images) as extra, pytest.raises(taxel_reader.Closed, match="3 subscribers"):
         while True:
-            assert extra.receive(10) is not None, "the fourth client is neither served nor turned away"
+            assert extra.receive(HANGS_AFTER_S) is not None, "the fourth client is neither served nor turned away"
     clients.pop().close()
     daemon.wait_status(lambda s: len(s["subscribers"]) == 2, "the place is not free again")
     with taxel_reader.connect(daemon.images) as again:
-        assert again.receive(10) is not None
+        assert again.receive(HANGS_AFTER_S) is not None
 
 
 def test_who_wants_no_images_makes_room_for_a_display_and_who_is_turned_away_is_a_problem(start):
     daemon = start(socket={"max_subscribers": 3})
     with ExitStack() as stack:
         display = stack.enter_context(taxel_reader.connect(daemon.images))
-        display.receive(10)
+        display.receive(HANGS_AFTER_S)
         onlookers = [stack.enter_context(taxel_reader.connect(daemon.images, image=False, status=True)) for _ in range(2)]
         for onlooker in onlookers:
-            while onlooker.receive(10).header.type != taxel_reader.STATUS:
+            while onlooker.receive(HANGS_AFTER_S).header.type != taxel_reader.STATUS:
                 pass
         for onlooker in onlookers:
             another = stack.enter_context(taxel_reader.connect(daemon.images))
-            assert another.receive(10) is not None, "a display is not let in"
+            assert another.receive(HANGS_AFTER_S) is not None, "a display is not let in"
             with pytest.raises(taxel_reader.Closed, match="made room"):
                 while True:
-                    assert onlooker.receive(10) is not None, "it keeps its place"
+                    assert onlooker.receive(HANGS_AFTER_S) is not None, "it keeps its place"
         # Three displays: the next is turned away.
         with taxel_reader.connect(daemon.images) as extra, pytest.raises(taxel_reader.Closed, match="3 subscribers"):
             while True:
-                assert extra.receive(10) is not None, "the fourth display is neither served nor turned away"
+                assert extra.receive(HANGS_AFTER_S) is not None, "the fourth display is neither served nor turned away"
         crowded = lambda s: [p["sentence"] for p in s["problems"] if p["kind"] == "readers-turned-away"]  # noqa: E731
         [said] = crowded(daemon.wait_status(crowded, "nothing is said of it"))
         assert f"process {os.getpid()} of user {os.getuid()} has 3" in said
-        assert display.receive(10) is not None
+        assert display.receive(HANGS_AFTER_S) is not None
 
 
 def test_a_slow_reader_is_given_the_newest_image_and_the_count_of_what_it_missed(start, lockstep, hand):
@@ -196,7 +194,7 @@ def test_a_slow_reader_is_given_the_newest_image_and_the_count_of_what_it_missed
             expected = reference.image(counts)
             newest = driver.step(counts)
         while seen[-1].seq < newest.seq:
-            message = slow.receive(10)
+            message = slow.receive(HANGS_AFTER_S)
             assert message is not None, "the newest image never comes"
             if isinstance(message, taxel_reader.Image):
                 seen.append(message)

@@ -7,6 +7,7 @@ import can
 import taxel_reader
 from harness import cyskin
 from harness.bus import MulticastBuses
+from harness.daemon import HANGS_AFTER_S
 
 VECTORS = Path(__file__).resolve().parents[2] / "crates/skin/tests/vectors/cyskin.txt"
 HUB, MODULES = 0x2A, [3, 4, 9]
@@ -55,7 +56,7 @@ def test_a_hub_is_started_as_the_library_does_and_its_values_are_read(start, fol
             sweep={"stale_after_ms": 5000.0},
         )
         with taxel_reader.connect(daemon.images, raw=True) as reader:
-            raw, limit = None, time.monotonic() + 60
+            raw, limit = None, time.monotonic() + HANGS_AFTER_S
             while time.monotonic() < limit:
                 listen(hub, buses.buses[0], 0.02)
                 if hub.sends:
@@ -80,7 +81,7 @@ def test_the_simulated_hub_is_one_to_this_implementation(folder, play):
     reader, seen = cyskin.Reader(), {}
     with MulticastBuses(1) as buses:
         play("idle", buses.sources, "--layout", path, "--seed", "5")
-        limit = time.monotonic() + 60
+        limit = time.monotonic() + HANGS_AFTER_S
         while len(seen) < len(MODULES) * cyskin.SENSORS and time.monotonic() < limit:
             if not seen:
                 start = [(cyskin.AUTO_SYNC_PERIOD, [0, 20]), (cyskin.AUTO_SYNC, [1])]

@@ -59,7 +59,7 @@ def array(folder):
 @pytest.fixture
 def sender(array):
     sender = Sender(array.touch)
-    array.wait_status(lambda s: not s["calibrating"] and not s["problems"], "a good array is not taken", seconds=30)
+    array.wait_status(lambda s: not s["calibrating"] and not s["problems"], "a good array is not taken")
     yield sender
     sender.close()
 
@@ -170,16 +170,16 @@ def test_the_socket_is_the_daemon_s_alone_and_a_killed_one_s_is_taken_over(array
     mode = array.touch.stat().st_mode
     assert stat.S_ISSOCK(mode) and stat.S_IMODE(mode) == 0o600
     second = Daemon(array.folder.parent / "second", [f"pressure:{array.touch}"], layout="tekscan-6077").spawn()
-    assert second.process.wait(20) != 0 and "touch.sock" in second.log, "it takes another daemon's socket"
+    assert second.process.wait() != 0 and "touch.sock" in second.log, "it takes another daemon's socket"
     array.kill()
     array.start()
-    array.wait_status(lambda s: counts(s)["taken"] > 5 and s["missing"] == 0, "it is not taken after a restart", seconds=30)
+    array.wait_status(lambda s: counts(s)["taken"] > 5 and s["missing"] == 0, "it is not taken after a restart")
     assert array.stop() == 0 and not array.touch.exists()
 
 
 def test_the_example_says_how_it_is_run():
     example = REPOSITORY / "examples" / "pressure_array.py"
-    ended = subprocess.run([sys.executable, example], capture_output=True, text=True, timeout=60)
+    ended = subprocess.run([sys.executable, example], capture_output=True, text=True)
     assert ended.returncode == 1 and "usage:" in ended.stderr and "Traceback" not in ended.stderr, ended.stderr
 
 
@@ -187,15 +187,15 @@ def test_the_example_sends_frames(array):
     program = subprocess.Popen(
         [sys.executable, REPOSITORY / "examples" / "pressure_array.py", array.touch], preexec_fn=die_with_parent
     )
-    array.wait_status(lambda s: s["contacts"] > 5, "its bump is not felt", seconds=30)
+    array.wait_status(lambda s: s["contacts"] > 5, "its bump is not felt")
     program.kill()
     program.wait()
 
 
 def test_a_recording_of_an_array_that_is_silent_says_so(array, folder):
-    array.wait_status(lambda s: any(problem["severe"] for problem in s["problems"]), "the array is not missed", seconds=30)
+    array.wait_status(lambda s: any(problem["severe"] for problem in s["problems"]), "the array is not missed")
     command = [binary("taxel"), "record", folder / "r.mcap", "--socket", array.images, "--seconds", "2.5", "--json"]
-    recorded = subprocess.run(command, capture_output=True, text=True, timeout=60)
+    recorded = subprocess.run(command, capture_output=True, text=True)
     assert recorded.returncode == 0, recorded.stderr
     sentence = array.status()["problems"][0]["sentence"]
     assert f"taxel: at the end: {sentence}\n" in recorded.stderr
@@ -210,14 +210,14 @@ def test_a_recording_is_replayed_to_an_array(array):
     to = ["--to", f"pressure:{array.touch}"]
     command = [binary("taxel"), "replay", array.folder / "touch.npz", "--rate", "10", *to]
     program = subprocess.Popen(command, preexec_fn=die_with_parent, stderr=subprocess.PIPE, text=True)
-    status = array.wait_status(lambda s: s["contacts"] == 20 and s["missing"] == 0, "the recorded touch is not felt", seconds=30)
+    status = array.wait_status(lambda s: s["contacts"] == 20 and s["missing"] == 0, "the recorded touch is not felt")
     array_counts = counts(status)
     assert {key for key, count in array_counts.items() if count} == {"taken"}, "nothing is lost or refused"
-    assert program.wait(30) == 0, program.stderr.read()
+    assert program.wait() == 0, program.stderr.read()
     array.wait_status(lambda s: counts(s)["taken"] == 100, "a frame is lost")
     np.save(array.folder / "turned.npy", images.swapaxes(1, 2))
     turned = [binary("taxel"), "replay", array.folder / "turned.npy", *to]
-    refused = subprocess.run(turned, capture_output=True, text=True, timeout=30)
+    refused = subprocess.run(turned, capture_output=True, text=True)
     assert refused.returncode == 1 and "frames of 50 x 28 taxels" in refused.stderr, refused.stderr
 
 
@@ -235,7 +235,7 @@ def test_an_array_stands_beside_boards(folder):
     with Daemon(folder / "d", sources, layout=layout, **own) as daemon:
         sender = Sender(folder / "mat.sock")
         sender.image = np.zeros((4, 16), "<u2")
-        daemon.wait_status(lambda s: not s["calibrating"] and not s["problems"], "they are not whole", seconds=30)
+        daemon.wait_status(lambda s: not s["calibrating"] and not s["problems"], "they are not whole")
         sender.image[1, 3] = 5000
         status = daemon.wait_status(lambda s: s["contacts"] == 1, "the array is not felt")
         assert [board["state"] for board in status["boards"]] == ["living", "living"]
@@ -245,7 +245,7 @@ def test_an_array_stands_beside_boards(folder):
 
 def doctor(*arguments, **more):
     command = [binary("taxel"), "doctor", "--json", "--seconds", "2", *map(str, arguments)]
-    run = subprocess.run(command, capture_output=True, text=True, timeout=60, env={**os.environ, **more})
+    run = subprocess.run(command, capture_output=True, text=True, env={**os.environ, **more})
     return json.loads(run.stdout)["checks"]
 
 

@@ -12,7 +12,7 @@ import pytest
 import taxel_reader
 from can.interfaces.udp_multicast.utils import pack_message
 from harness.bus import GROUP
-from harness.daemon import Daemon, binary, die_with_parent, eventually
+from harness.daemon import HANGS_AFTER_S, Daemon, binary, die_with_parent, eventually
 from harness.hand import Hand
 from harness.touches import Touches
 
@@ -100,10 +100,10 @@ class Setup:
             assert text in self.said or self.process.poll() is None, f"it ended:\n{self.said}"
             return text in self.said
 
-        eventually(is_said, lambda: f"`{text}` is not said:\n{self.said}", 40)
+        eventually(is_said, lambda: f"`{text}` is not said:\n{self.said}")
 
     def end(self):
-        status = self.process.wait(20)
+        status = self.process.wait()
         if self.terminal is not None:
             os.close(self.terminal)
         return status, self.process.stdout.read().decode()
@@ -144,7 +144,7 @@ def test_the_daemon_of_the_written_configuration_shows_a_press_where_it_was_said
 
         def image_of(is_wanted, what):
             for _ in range(600):
-                image = reader.receive(10)
+                image = reader.receive(HANGS_AFTER_S)
                 if isinstance(image, taxel_reader.Image) and not image.calibrating and is_wanted(image):
                     return np.frombuffer(image.pixels, np.uint8).reshape(shuffled.hand.shape)
             raise AssertionError(what)

@@ -8,7 +8,7 @@ import cantools
 import pytest
 import taxel_reader
 from harness.bus import MulticastBuses
-from harness.daemon import binary
+from harness.daemon import HANGS_AFTER_S, binary
 from harness.hand import LAYOUTS
 
 # Bits are numbered as DBC has it: byte * 8 + bit, big-endian values (@0) by their most significant one.
@@ -81,7 +81,7 @@ def test_what_another_encoder_puts_into_frames_is_what_the_daemon_reads(start, f
             raw = None
             while raw is None or any(taxel.freshness != 2 for taxel in raw.taxels):
                 buses.send(frames)
-                message = reader.receive(10)
+                message = reader.receive(HANGS_AFTER_S)
                 assert message is not None, "the daemon sends nothing more"
                 raw = message if isinstance(message, taxel_reader.Raw) else raw
     for n, (taxel, (_, signals)) in enumerate(zip(raw.taxels, taxels, strict=True)):

@@ -7,7 +7,6 @@ import subprocess
 import pytest
 from harness.daemon import Daemon, binary
 
-LONGEST_TEST_S = 300  # some twenty programs, one after the other
 
 CLOSED = ("&-", "stdout is closed")
 FULL = ("/dev/full", "No space left on device")
@@ -74,7 +73,7 @@ def commands(*path):
 def shell(line, folder, **options):
     path = os.pathsep.join([str(binary("taxel").parent), os.environ["PATH"]])
     environment = {**os.environ, "PATH": path, "RUNTIME_DIRECTORY": str(folder / "d"), "NO_COLOR": "1"}
-    options = {"stdin": subprocess.DEVNULL, "stderr": subprocess.PIPE, "text": True, "timeout": 120, **options}
+    options = {"stdin": subprocess.DEVNULL, "stderr": subprocess.PIPE, "text": True, **options}
     return subprocess.run(["bash", "-c", line], cwd=folder, env=environment, **options)
 
 

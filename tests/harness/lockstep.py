@@ -6,6 +6,7 @@ So nothing depends on the machine's speed, nothing is lost, and image i belongs 
 import time
 
 import taxel_reader
+from harness.daemon import HANGS_AFTER_S
 
 BOARD_PERIOD_S = 0.010
 DEADLINE_S = 10.0
@@ -51,7 +52,7 @@ class Lockstep:
         self.calibration = []
         # The description of the hand is the first that a reader is sent: from now on the daemon serves it.
         while self.reader.hello is None:
-            assert self.reader.receive(60.0) is not None, "the daemon does not describe the hand within 60 s"
+            assert self.reader.receive(HANGS_AFTER_S) is not None, "the daemon does not describe the hand"
 
     def step(self, counts, order=None):
         """The image of one sweep."""
@@ -95,7 +96,7 @@ class Lockstep:
             self.daemon.wait_status(lambda s: s["images"]["made"] > made, "no image of a sweep")
 
 
-def next_image(reader, seconds=60.0):
+def next_image(reader, seconds=HANGS_AFTER_S):
     """The next image, whatever it shows."""
     end = time.monotonic() + seconds
     while (left := end - time.monotonic()) > 0:
@@ -109,7 +110,7 @@ def next_image(reader, seconds=60.0):
 OVERTAKEN_S = 1.0
 
 
-def next_full_image(reader, seconds=60.0, sent_from=None):
+def next_full_image(reader, seconds=HANGS_AFTER_S, sent_from=None):
     """The next image in which no taxel is missing; while nothing is sent the daemon says so with empty ones.
 
     `sent_from` is when the first frame of its sweep was sent, if that is to be sent again where the deadline cut it. Both

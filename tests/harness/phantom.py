@@ -9,7 +9,7 @@ from harness.daemon import binary, eventually
 
 def output_of(*arguments):
     command = [binary("taxel"), *map(str, arguments)]
-    return subprocess.run(command, check=True, capture_output=True, text=True, timeout=60).stdout
+    return subprocess.run(command, check=True, capture_output=True, text=True).stdout
 
 
 def lines_of(stream):
@@ -66,7 +66,7 @@ class Categorizer:
         """Those that have a category."""
         return [touch for touch in map(json.loads, self.lines) if "error" not in touch]
 
-    def wait_told(self, enough, offline, seconds=90):
+    def wait_told(self, enough, offline):
         """Waits until `enough` areas were told in the category that they have offline; all touches until then.
 
         A touch that lacks a step or has it late, as on a machine that stood still meanwhile, comes again in the next round.
@@ -79,7 +79,7 @@ class Categorizer:
             assert self.process.poll() is None, self.log.read_text()
             return enough({area(touch) for touch in self.touches() if is_told(touch)})
 
-        eventually(all_areas, lambda: f"{self.lines}\n{self.log.read_text()}", seconds)
+        eventually(all_areas, lambda: f"{self.lines}\n{self.log.read_text()}")
         return self.touches()
 
 

@@ -32,7 +32,7 @@ at = [{x}, 0]
 
 
 def run(*command, check=False):
-    ended = subprocess.run([str(word) for word in command], capture_output=True, text=True, timeout=200)
+    ended = subprocess.run([str(word) for word in command], capture_output=True, text=True)
     assert not check or ended.returncode == 0, f"{command}: {ended.stdout}{ended.stderr}"
     return ended
 
@@ -123,9 +123,9 @@ class Service:
     def pid(self):
         return int(self.show("MainPID"))
 
-    def wait(self, name, value, seconds=60):
+    def wait(self, name, value):
         eventually(
-            lambda: self.show(name) == value, lambda: f"{name} is {self.show(name)}, not {value}\n{self.newest()}", seconds
+            lambda: self.show(name) == value, lambda: f"{name} is {self.show(name)}, not {value}\n{self.newest()}"
         )
 
     def wait_restarts(self, count):
@@ -142,7 +142,7 @@ class Service:
 
     def wait_journal(self, words, *options):
         """Waits for words in its journal, and returns the whole of it."""
-        eventually(lambda: words in self.journal(*options), lambda: f"not said: {words}\n{self.newest()}", 60)
+        eventually(lambda: words in self.journal(*options), lambda: f"not said: {words}\n{self.newest()}")
         return self.journal(*options)
 
     @property
@@ -151,7 +151,6 @@ class Service:
 
     def control(self, cmd, **arguments):
         with socket.socket(socket.AF_UNIX, socket.SOCK_STREAM) as connection:
-            connection.settimeout(20)
             connection.connect(str(self.runtime / "control.sock"))
             reply = ask(connection, {"cmd": cmd, **arguments})
             assert reply["ok"], reply
@@ -161,7 +160,7 @@ class Service:
         return self.control("status")["status"]
 
     def wait_status(self, condition, what):
-        eventually(lambda: condition(self.status()), lambda: f"{what}: {json.dumps(self.status())[:3000]}", 60)
+        eventually(lambda: condition(self.status()), lambda: f"{what}: {json.dumps(self.status())[:3000]}")
 
     def thread(self, name):
         """The id of the thread of this name."""

@@ -62,7 +62,7 @@ class Servos:
             traffic = self.traffic()
             return traffic.heard >= self.written and traffic.hung_up and traffic
 
-        return eventually(nobody, "the bus does not see that its client has hung up", seconds=60)
+        return eventually(nobody, "the bus does not see that its client has hung up")
 
     def quiet(self):
         """Waits until the bus has answered all that it was sent, and its traffic by then."""
@@ -71,10 +71,10 @@ class Servos:
             traffic = self.traffic()
             return traffic.heard == self.written and traffic.due == 0 and traffic
 
-        return eventually(answered, lambda: f"the bus does not come to rest: {self.traffic()}", seconds=60)
+        return eventually(answered, lambda: f"the bus does not come to rest: {self.traffic()}")
 
     def close(self):
         if self.process.poll() is None:
             self.process.stdin.close()
-            self.process.wait(10)
+            self.process.wait()
             self.process.stdout.close()

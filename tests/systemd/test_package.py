@@ -7,7 +7,6 @@ from pathlib import Path
 
 from harness.service import configure, install, is_active, run, systemctl
 
-LONGEST_TEST_S = 600  # in an emulated machine
 
 
 def test_installed_it_waits_for_its_configuration_with_user_groups_and_kernel_setting_in_place(package):

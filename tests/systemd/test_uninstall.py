@@ -4,7 +4,6 @@ from pathlib import Path
 
 from harness.service import dpkg, is_active, systemctl
 
-LONGEST_TEST_S = 600  # in an emulated machine
 UNITS = ("taxeld.service", "taxel-record.service", "taxel-metrics@left.service")
 ENABLED = [Path("/etc/systemd/system/multi-user.target.wants", unit) for unit in UNITS]
 

@@ -20,7 +20,6 @@ def doctor(source, folder):
         [binary("taxel"), "doctor", "--json", "--layout", "uskin-module", "--seconds", "0.3", source],
         capture_output=True,
         text=True,
-        timeout=60,
         # No daemon of this machine.
         env={**os.environ, "XDG_RUNTIME_DIR": str(folder)},
     )

@@ -76,20 +76,20 @@ def count_living(status):
     return sum(b["state"] == "living" for b in status["boards"])
 
 
-def comes(daemon, kind, *words, seconds=60):
+def comes(daemon, kind, *words):
     """The problem of this kind, once its sentence says all of this: it may know more a moment later."""
 
     def said(status):
         found = problem(status, kind)
         return found and all(word in found["sentence"] for word in words)
 
-    return problem(daemon.wait_status(said, f"no problem {kind} with {words}", seconds), kind)
+    return problem(daemon.wait_status(said, f"no problem {kind} with {words}"), kind)
 
 
-def is_well_again(daemon, since, what, living=len(MODULES), seconds=60):
+def is_well_again(daemon, since, what, living=len(MODULES)):
     """Waits until there is no problem and every board speaks, and says how long that took."""
     daemon.wait_status(
-        lambda s: count_living(s) == living and not s["problems"], f"after {what} it is not well again", seconds
+        lambda s: count_living(s) == living and not s["problems"], f"after {what} it is not well again"
     )
     print(f"RECOVERY {what}: {time.monotonic() - since:.2f} s")
 
