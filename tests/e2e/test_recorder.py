@@ -10,7 +10,7 @@ from conditioning import DAEMON_SETTINGS
 from harness.compare import content
 from harness.daemon import Daemon, binary, eventually
 from harness.lockstep import SWEEP
-from harness.recorder import marks, messages, recording, taxel
+from harness.recorder import marks, messages, of_topic, recording, taxel
 from harness.servos import Servos
 from harness.touches import Touches, grasp
 from mcap.reader import NonSeekingReader, make_reader
@@ -118,7 +118,7 @@ def test_a_part_that_begins_in_a_grasp_gives_the_contacts_that_were_shown(start,
     out = folder / "part.mcap"
     with recording(daemon, out) as recorder:
         live = [driver.step(counts) for counts in frames[8:]]
-        eventually(lambda: len(messages(out).get("/taxel/images", [])) >= len(live), lambda: recorder.said)
+        eventually(lambda: len(of_topic(out, "/taxel/images")) >= len(live), lambda: recorder.said)
         assert recorder.end() == 0, recorder.said
     taxel("compress", out, "--out", folder / "part.bin")
     again = full_images(folder / "part.bin")
@@ -133,7 +133,7 @@ def test_what_is_made_anew_is_calibrated_and_paused_where_the_daemon_was(start, 
     out, live = folder / "day.mcap", []
 
     def said(kind):
-        return any(log.name == kind for _, _, log in messages(out).get("/rosout", []))
+        return any(log.name == kind for _, _, log in of_topic(out, "/rosout"))
 
     with recording(daemon, out) as recorder:
         driver = lockstep(daemon)
@@ -158,14 +158,14 @@ def test_what_is_made_anew_is_calibrated_and_paused_where_the_daemon_was(start, 
         recorder.is_subscribed()
         driver = lockstep(daemon)
         assert show(hands[2])[-2:] != [0, 0]
-        eventually(lambda: len(messages(out).get("/taxel/images", [])) >= len(live), lambda: recorder.said)
+        eventually(lambda: len(of_topic(out, "/taxel/images")) >= len(live), lambda: recorder.said)
         assert recorder.end() == 0, recorder.said
 
     def display(image, actuators):
         return bytes(image.pixels), list(image.levels), [tuple(actuator) for actuator in actuators]
 
     # All that were made, also those that were overtaken on their way to the driver.
-    full = [m for _, _, m in messages(out)["/taxel/images"] if not m.missing]
+    full = [m for _, _, m in of_topic(out, "/taxel/images") if not m.missing]
     calibrated = [m for m in full if not m.flags & taxel_reader.FLAG_CALIBRATING]
     lists = "id", "x", "y", "level", "force"
     shown = [display(m, zip(*(getattr(m, f"actuator_{name}") for name in lists))) for m in calibrated]
@@ -184,10 +184,10 @@ def test_joint_angles_are_joint_states_to_the_tools_of_others(folder):
     joints = {"source": f"dynamixel:{servos.path}", "answer_margin_ms": 100.0, "hold_ms": 2000.0, "servo": table}
     out = folder / "joints.mcap"
     with Daemon(folder / "daemon", ["sim:idle", "sim:idle"], joints=joints) as daemon, recording(daemon, out) as recorder:
-        eventually(lambda: len(messages(out).get("/joint_states", [])) >= 20, "no joint states come into the file", 30)
+        eventually(lambda: len(of_topic(out, "/joint_states")) >= 20, "no joint states come into the file")
         assert recorder.end() == 0, recorder.said
 
-    by_topic = messages(out)
+    by_topic = messages(out, "/taxel/frames", "/joint_states")
     frames = {at_ns: frame for _, at_ns, frame in by_topic["/taxel/frames"]}
     states = by_topic["/joint_states"]
     assert {kind for kind, _, _ in states} == {"sensor_msgs/msg/JointState"}
@@ -288,7 +288,7 @@ def test_what_was_recorded_can_be_read_while_it_is_and_after_kill_9(start, locks
             # As long as it has no CAN, there is a log of its tactile frames, which begins at 0 s.
             return len(lines) == sent and not lines[0].startswith("(0000000000.")
 
-        eventually(are_all_there, f"the {sent} frames sent do not come into the file", 20)
+        eventually(are_all_there, f"the {sent} frames sent do not come into the file")
         before = log.read_bytes()
         assert recorder.end(signal.SIGKILL) == -signal.SIGKILL
     assert "torn off" in taxel("convert", out, log)

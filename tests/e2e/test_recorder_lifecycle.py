@@ -11,9 +11,9 @@ import pytest
 import taxel_reader
 from conditioning import DAEMON_SETTINGS
 from harness.bus import GROUP, free_udp_port
-from harness.daemon import binary, eventually
+from harness.daemon import HANGS_AFTER_S, binary, eventually
 from harness.lockstep import SWEEP
-from harness.recorder import marks, messages, recording, taxel, with_room
+from harness.recorder import marks, messages, of_topic, recording, taxel, with_room
 from harness.touches import Touches, grasp
 from mcap.exceptions import McapError
 from mcap.reader import make_reader
@@ -29,7 +29,7 @@ def record(folder):
 
     def record(name, *arguments):
         command = [binary("taxel"), "record", f"{name}.mcap", "--seconds", "0.5", *map(str, arguments)]
-        return subprocess.run(command, cwd=folder, capture_output=True, text=True, timeout=30)
+        return subprocess.run(command, cwd=folder, capture_output=True, text=True)
 
     return record
 
@@ -83,7 +83,7 @@ def test_a_recording_of_which_nothing_came_that_was_asked_for_fails_and_says_why
     daemon = start(socket={"max_subscribers": 1})
     silent = f"udp:{GROUP}:{free_udp_port()}?hops=0"
     with taxel_reader.connect(daemon.images) as reader:
-        assert reader.receive(20.0) is not None
+        assert reader.receive(HANGS_AFTER_S) is not None
         full = record("full", "--socket", daemon.images, "--no-can")
     assert full.returncode == 1 and "1 subscribers are connected already" in full.stderr, full.stderr
     assert "nothing came of a daemon at" in full.stderr and "Broken pipe" not in full.stderr, full.stderr
@@ -97,7 +97,7 @@ def test_a_recording_that_is_stopped_before_anything_came_has_lost_nothing(folde
     recorder = subprocess.Popen(command, cwd=folder, stderr=subprocess.PIPE, text=True)
     assert "waiting for it" in recorder.stderr.readline()
     recorder.send_signal(stop)
-    _, told = recorder.communicate(timeout=30)
+    _, told = recorder.communicate()
     assert recorder.returncode == 0 and "no file was made" in told, told
     assert not (folder / "no.mcap").exists()
 
@@ -123,7 +123,7 @@ def test_another_configuration_of_the_next_daemon_is_in_another_file_and_one_tha
     text, out, file = daemon.config.read_text(), folder / "day.mcap", daemon.config
 
     def described(path, times=1):
-        found = lambda: len(messages(path).get("/taxel/hello", [])) >= times
+        found = lambda: len(of_topic(path, "/taxel/hello")) >= times
         eventually(found, lambda: f"no hand is described in {path.name}: {recorder.said}")
 
     def again(text, config=file):
@@ -144,7 +144,7 @@ def test_another_configuration_of_the_next_daemon_is_in_another_file_and_one_tha
         again(changed)
         described(second)
         # The same again is recorded on in the same file.
-        times = len(messages(second)["/taxel/hello"])
+        times = len(of_topic(second, "/taxel/hello"))
         again(changed)
         described(second, times + 1)
         again(changed.replace("uskin-module", "uskin-fingertip"), folder / "other.toml")
@@ -189,7 +189,7 @@ def test_a_disk_without_room_for_a_first_chunk_is_left_without_files_however_oft
     out = folder / "full.mcap"
     for _ in range(2):
         command = [binary("taxel"), "record", out, "--no-can", "--socket", daemon.images, "--split-size", "1MB", "--json"]
-        options = {"capture_output": True, "text": True, "timeout": 30}
+        options = {"capture_output": True, "text": True}
         failed = subprocess.run(command, **with_room(100), **options)
         assert failed.returncode == 1 and "full-0001.mcap: File too large" in failed.stderr, failed.stderr
         assert list(folder.glob("*.mcap")) == [] and json.loads(failed.stdout)["files"] == []
@@ -199,7 +199,7 @@ def test_a_file_that_is_renamed_while_it_is_recorded_into_is_told_and_the_record
     daemon = start()
     out, old = folder / "a.mcap", folder / "a.mcap.1"
     with recording(daemon, out) as recorder:
-        eventually(lambda: len(messages(out).get("/taxel/hello", [])) > 0, "nothing comes into the file")
+        eventually(lambda: len(of_topic(out, "/taxel/hello")) > 0, "nothing comes into the file")
         out.rename(old)
         another = folder / "a-0001.mcap"
         eventually(another.exists, lambda: f"no other file is made: {recorder.said}")
@@ -217,7 +217,7 @@ def test_what_a_daemon_is_told_while_it_runs_leaves_the_recording_with_the_confi
     text, out = daemon.config.read_text(), folder / "day.mcap"
 
     def described(levels=None):
-        hellos = [json.loads(one.data) for _, _, one in messages(out).get("/taxel/hello", [])]
+        hellos = [json.loads(one.data) for _, _, one in of_topic(out, "/taxel/hello")]
         return any(levels in (None, hello["profile"]["levels"]) for hello in hellos)
 
     with recording(daemon, out) as recorder:
@@ -254,7 +254,7 @@ def test_a_recording_goes_on_though_nobody_reads_what_it_says(start, folder):
                     return make_reader(whole).get_summary()
 
             daemon.control("mark", text="slipped")
-            eventually(is_whole, f"{file.name} does not become whole", 20)
+            eventually(is_whole, f"{file.name} does not become whole")
         assert recorder.end() == 0
     os.close(full)
     os.close(reader)

@@ -53,7 +53,7 @@ class Recorder:
 
     def end(self, by=signal.SIGINT):
         self.process.send_signal(by)
-        return self.process.wait(20)
+        return self.process.wait()
 
 
 @contextmanager
@@ -73,16 +73,21 @@ def taxel(*arguments):
     return done.stderr
 
 
-def messages(path):
-    """Every message by topic, decoded by mcap-ros2-support; also of a file without its end, and of one that is not made yet."""
+def messages(path, *topics):
+    """Messages by topic, of these topics or of all, decoded by mcap-ros2-support; also of a file without its end, or not made yet."""
     decoder, by_topic = DecoderFactory(), {}
     with suppress(McapError, FileNotFoundError), path.open("rb") as file:
-        read = NonSeekingReader(file, decoder_factories=[decoder]).iter_decoded_messages(log_time_order=False)
+        read = NonSeekingReader(file, decoder_factories=[decoder]).iter_decoded_messages(topics or None, log_time_order=False)
         for schema, channel, message, decoded in read:
             by_topic.setdefault(channel.topic, []).append((schema.name, message.log_time, decoded))
     return by_topic
 
 
+def of_topic(path, topic):
+    """Those of one topic."""
+    return messages(path, topic).get(topic, [])
+
+
 def marks(path):
     """Time and text of the marks in a recording."""
-    return [(at_ns, log.msg) for _, at_ns, log in messages(path).get("/rosout", []) if log.name == "mark"]
+    return [(at_ns, log.msg) for _, at_ns, log in of_topic(path, "/rosout") if log.name == "mark"]
