@@ -10,7 +10,7 @@ from contextlib import ExitStack
 
 import pytest
 from harness.daemon import Daemon, ask, eventually, read_reply
-from harness.joints import SCENE, TICK, TORQUE, dynamixel, servo
+from harness.joints import SCENE, TICK, TORQUE, WRITING, dynamixel, servo
 from harness.servos import Servos
 
 PLACES = 128
@@ -19,7 +19,6 @@ PLACES = 128
 def connect(path):
     client = socket.socket(socket.AF_UNIX, socket.SOCK_STREAM)
     client.connect(str(path))  # waits where more come at once than are let in; with a time limit it would fail
-    client.settimeout(20)
     return client
 
 
@@ -55,7 +54,6 @@ def test_readers_of_images_and_who_only_asks_leave_descriptors_to_those_who_comm
         eventually(daemon._answers, "it does not start")
         for _ in range(150):
             reader = stack.enter_context(socket.socket(socket.AF_UNIX, socket.SOCK_SEQPACKET))
-            reader.settimeout(20)
             reader.connect(str(daemon.images))
             assert reader.recv(65536), "neither let in nor told why not"
         for _ in range(PLACES + 20):
@@ -84,7 +82,7 @@ def test_a_client_that_asks_without_end_is_slowed_and_the_others_are_not(daemon)
 
 def test_nothing_keeps_a_motor_from_being_switched_off(folder):
     servos = Servos("--ids", "1-16")
-    joints = dynamixel(servos.path, allow_writes=True, watchdog_ms=2540)
+    joints = dynamixel(servos.path, **WRITING)
     over = threading.Event()
     requests = [{"cmd": "status"}, {"cmd": "servo", "joint": "joint 5", "pwm_percent": 1.0}, {"cmd": "rezero"}]
 
@@ -143,7 +141,7 @@ def test_nothing_keeps_a_motor_from_being_switched_off(folder):
 )
 def test_a_motor_is_let_go_when_its_holder_dies_or_asks_nothing_whatever_was_sent_before(folder, sent, leaves):
     servos = Servos("--ids", "1-16")
-    joints = dynamixel(servos.path, allow_writes=True, watchdog_ms=2540)
+    joints = dynamixel(servos.path, **WRITING)
     with Daemon(folder / "d", SCENE, tick=TICK, joints=joints) as daemon, connect(daemon.control_path) as holder:
         daemon.wait_status(lambda s: s["joints"]["readings"] > 50, "nothing is read")
         assert ask(holder, {"cmd": "servo", "joint": "joint 5", "torque": True, "hold_ms": 500})["ok"]
@@ -159,7 +157,7 @@ def test_a_motor_is_let_go_when_its_holder_dies_or_asks_nothing_whatever_was_sen
 
 def test_a_refused_request_takes_no_hold_and_one_that_was_let_go_of_none_either(folder):
     servos = Servos("--ids", "1-16")
-    with Daemon(folder / "d", SCENE, tick=TICK, joints=dynamixel(servos.path, allow_writes=True)) as daemon:
+    with Daemon(folder / "d", SCENE, tick=TICK, joints=dynamixel(servos.path, **WRITING)) as daemon:
         daemon.wait_status(lambda s: s["joints"]["readings"] > 50, "nothing is read")
         with connect(daemon.control_path) as client:
             refused = ask(client, {"cmd": "servo", "joint": "joint 5", "torque": True, "pwm_percent": 500, "hold_ms": 20})
@@ -176,7 +174,7 @@ def test_a_refused_request_takes_no_hold_and_one_that_was_let_go_of_none_either(
 def test_who_holds_a_motor_that_was_not_confirmed_is_told_so_and_it_is_let_go_with_the_others(folder):
     servos = Servos("--ids", "1-16")
     on = {"cmd": "servo", "joint": "joint 5", "torque": True, "pwm_percent": 0}
-    with Daemon(folder / "d", SCENE, tick=TICK, joints=dynamixel(servos.path, allow_writes=True)) as daemon:
+    with Daemon(folder / "d", SCENE, tick=TICK, joints=dynamixel(servos.path, **WRITING)) as daemon:
         daemon.wait_status(lambda s: s["joints"]["readings"] > 50, "nothing is read")
         servos.tell("fault 5 silent")
         with connect(daemon.control_path) as client:
@@ -195,7 +193,7 @@ def test_who_holds_a_motor_that_was_not_confirmed_is_told_so_and_it_is_let_go_wi
 def test_a_motor_that_is_off_is_held_by_nobody_whose_request_has_failed(folder):
     servos = Servos("--ids", "1-16")
     on = {"cmd": "servo", "joint": "joint 5", "torque": True, "pwm_percent": 0}
-    with Daemon(folder / "d", SCENE, tick=TICK, joints=dynamixel(servos.path, allow_writes=True, watchdog_ms=2540)) as daemon:
+    with Daemon(folder / "d", SCENE, tick=TICK, joints=dynamixel(servos.path, **WRITING)) as daemon:
         daemon.wait_status(lambda s: s["joints"]["readings"] > 50, "nothing is read")
         off = lambda s: s["joints"]["joints"][4]["torque_enabled"] is False and not s["problems"]  # noqa: E731
         daemon.wait_status(off, "it is not known to be off")
@@ -225,7 +223,7 @@ CHANGES = [
 def test_who_has_gone_before_it_was_begun_has_a_motor_switched_off_and_nothing_else_done(folder):
     servos = Servos("--ids", "1-16")
     torque = lambda joint, on: {"cmd": "servo", "joint": joint, "torque": on}  # noqa: E731
-    with Daemon(folder / "d", SCENE, tick=TICK, joints=dynamixel(servos.path, allow_writes=True, watchdog_ms=2540)) as daemon:
+    with Daemon(folder / "d", SCENE, tick=TICK, joints=dynamixel(servos.path, **WRITING)) as daemon:
         daemon.wait_status(lambda s: s["joints"]["readings"] > 50, "nothing is read")
         holder = connect(daemon.control_path)
         assert ask(holder, {**torque("joint 7", True), "hold_ms": 10_000})["ok"]
@@ -271,7 +269,7 @@ def test_who_only_writes_no_more_is_answered(daemon):
 
 def test_who_only_writes_no_more_and_holds_a_motor_is_answered_and_then_let_go(folder):
     servos = Servos("--ids", "1-16")
-    with Daemon(folder / "d", SCENE, tick=TICK, joints=dynamixel(servos.path, allow_writes=True, watchdog_ms=2540)) as daemon:
+    with Daemon(folder / "d", SCENE, tick=TICK, joints=dynamixel(servos.path, **WRITING)) as daemon:
         daemon.wait_status(lambda s: s["joints"]["readings"] > 50, "nothing is read")
         requests = [
             {"cmd": "servo", "joint": "joint 5", "torque": True, "pwm_percent": 0, "hold_ms": 10_000},

@@ -5,7 +5,7 @@ import signal
 import pytest
 from harness.bus import MulticastBuses
 from harness.daemon import Daemon, eventually
-from harness.joints import SCENE, TICK, TORQUE, WATCHDOG, dynamixel, servo
+from harness.joints import SCENE, TICK, TORQUE, WATCHDOG, WRITING, dynamixel, servo
 from harness.servos import Servos
 
 ENDING = [
@@ -31,7 +31,7 @@ ENDING = [
 def test_boards_and_motors_are_stopped_by_a_signal_that_ends_the_process(folder, by):
     servos = Servos("--ids", "1-16")
     # A watchdog that would not have acted by the time that it is looked at.
-    joints = dynamixel(servos.path, allow_writes=True, watchdog_ms=2540)
+    joints = dynamixel(servos.path, **WRITING)
     with MulticastBuses(1) as ear:
         with Daemon(folder / "d", ear.sources, layout="uskin-module", tick=TICK, joints=joints) as daemon:
             daemon.wait_status(lambda s: s["joints"]["readings"] > 50, "nothing is read")

@@ -6,6 +6,7 @@ import subprocess
 import sys
 
 from harness.daemon import ask
+from harness.joints import WRITING
 
 SCENE = ["sim:idle", "sim:idle"]
 TICK = {"rate_hz": 50.0}
@@ -17,8 +18,7 @@ FINGERS = {"left": 1, "right": 2}
 def gripper(path, **more):
     """The table [joints] of two servos that may be moved."""
     servos = [{"id": id, "name": name} for name, id in FINGERS.items()]
-    patient = {"answer_margin_ms": 100.0, "hold_ms": 2000.0, "watchdog_ms": 1000}
-    return {"source": f"dynamixel:{path}", "allow_writes": True, **patient, **more, "servo": servos}
+    return {"source": f"dynamixel:{path}", **WRITING, "hold_ms": 2000.0, **more, "servo": servos}
 
 
 def with_potentiometers(servos, path):
@@ -35,7 +35,6 @@ def registers(servos, at):
 
 def control(daemon):
     connection = socket.socket(socket.AF_UNIX, socket.SOCK_STREAM)
-    connection.settimeout(20)
     connection.connect(str(daemon.control_path))
     return connection
 
@@ -47,8 +46,7 @@ def control_of_another(daemon):
     number = connection.fileno()
     command = [sys.executable, "-c", connect, str(number), str(daemon.control_path)]
     process = subprocess.Popen(command, pass_fds=[number])
-    assert process.wait(20) == 0
-    connection.settimeout(20)
+    assert process.wait() == 0
     return connection, process.pid
 
 
