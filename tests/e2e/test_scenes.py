@@ -2,12 +2,10 @@
 
 import signal
 
-import numpy as np
 import pytest
 import taxel_reader
 from conditioning import DAEMON_SETTINGS
-from harness.compare import Reference, assert_same, pairs
-from sequential_clustering import Profile
+from harness.compare import fits_the_counts
 
 SCENES = ["tap", "ball-grasp", "slip", "worst-case"]
 
@@ -23,25 +21,12 @@ def test_every_image_of_a_scene_fits_the_counts_it_was_made_from(start, simulate
         tick={"mode": "timer", "rate_hz": 30.0},
         boards={"mode": "free-running"},
         # A simulator held up by a busy machine is not what is tested here.
-        sweep={"board_period_ms": 10.0, "stale_after_ms": 5000.0},
+        sweep={"board_period_ms": 10.0, "stale_after_ms": 60_000.0},
         conditioning=DAEMON_SETTINGS,
     )
-    reference = None
-    checked = touched = 0
-    with taxel_reader.connect(daemon.images, raw=True) as reader:
-        reader.receive(10)
-        simulate(scene)
-        for image, raw in pairs(reader, 150):
-            missing = np.array([t.freshness != 2 for t in raw.taxels])
-            if reference is None and missing.any():
-                continue  # the first frame is the first complete one
-            reference = reference or Reference(hand, Profile())
-            expected = reference.image(np.array([t.counts for t in raw.taxels]), missing)
-            assert_same(image, expected, f"image {image.seq}")
-            assert [t.contact for t in raw.taxels] == list(reference.contact), f"contacts of frame {image.seq}"
-            checked += 1
-            touched += image.contacts > 0
-    assert checked > 80 and touched > 10
+    simulate(scene)
+    with taxel_reader.connect(daemon.images, raw=True, every=True) as reader:
+        fits_the_counts(daemon, reader, hand, 10)
 
 
 # What is broken in the scene, by module and taxel, and the reasons that name it. A dead chip also has a status byte
@@ -66,11 +51,10 @@ def test_every_fault_of_the_faulty_hand_is_found_with_its_reason(start, simulate
         reasons = {(f["module"], f["k"]): f["reasons"] for f in status["faults"]}
         return all(why & set(reasons.get(place, [])) for place, why in BROKEN.items())
 
-    daemon.wait_status(found, "not every fault is found", seconds=30)
+    daemon.wait_status(found, "not every fault is found")
     daemon.wait_status(
         lambda s: all(s["conditioning"][kind] > 0 for kind in ["samples", "held", "glitches", "wraps", "status_errors"]),
         "not every kind of bad sample is counted",
-        seconds=30,
     )
 
     def board(status, module):
@@ -80,10 +64,8 @@ def test_every_fault_of_the_faulty_hand_is_found_with_its_reason(start, simulate
         fallen = board(status, "middle proximal")
         return fallen["restarts"] > 0 and fallen["state"] == "living"
 
-    daemon.wait_status(recovered, "the board that lost its power is not started again", seconds=30)
-    daemon.wait_status(
-        lambda s: board(s, "ring proximal")["queue_overflows"] > 0, "the overflowing board is not counted", seconds=30
-    )
+    daemon.wait_status(recovered, "the board that lost its power is not started again")
+    daemon.wait_status(lambda s: board(s, "ring proximal")["queue_overflows"] > 0, "the overflowing board is not counted")
 
 
 def test_boards_are_started_and_stopped_by_the_daemon(start, simulate):
@@ -91,5 +73,5 @@ def test_boards_are_started_and_stopped_by_the_daemon(start, simulate):
     simulator = simulate("idle")
     daemon.wait_status(lambda s: all(b["state"] == "living" for b in s["boards"]), "not every board was started")
     simulator.send_signal(signal.SIGINT)
-    assert simulator.wait(10) == 0
+    assert simulator.wait() == 0
     daemon.wait_status(lambda s: all(b["state"] == "silent" for b in s["boards"]), "boards that are gone are not told")
