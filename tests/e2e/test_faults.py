@@ -12,6 +12,8 @@ from harness.daemon import kinds, problem
 from harness.hand import LAYOUTS
 
 FREE_RUNNING = {"tick": {"mode": "timer", "rate_hz": 30.0}, "boards": {"mode": "free-running"}, "sweep": {}}
+# A busy machine may hold up the simulator, for seconds: no board is silent for that.
+PATIENT = {**FREE_RUNNING, "boards": {"mode": "free-running", "silence_ms": 10_000.0}, "sweep": {"silent_after_sweeps": 250}}
 
 
 @pytest.fixture
@@ -43,10 +45,13 @@ def used_of_others(status, module):
 
 def passes(daemon, began, until_s, kind, place, words):
     """The problem comes, with these words, while all else is fed; it is over soon after `until_s` of the scene."""
-    status = daemon.wait_status(lambda s: problem(s, kind), f"no problem {kind}")
-    found = problem(status, kind)
-    for word in words:
-        assert word in found["sentence"], found
+
+    def told(status):
+        # On a busy machine other boards may fall silent, too.
+        return [p for p in status["problems"] if p["kind"] == kind and all(word in p["sentence"] for word in words)]
+
+    status = daemon.wait_status(told, f"no problem {kind} with {words}")
+    found = told(status)[0]
     bus = next(b for b in status["buses"] if b["name"] == found["bus"])
     board = next((b for b in status["boards"] if b["module"] == found["module"]), bus)
     assert kind in board["problems"] and found["bus"] == place, found
@@ -54,7 +59,7 @@ def passes(daemon, began, until_s, kind, place, words):
     daemon.wait_status(
         lambda s: all(a < b for a, b in zip(before, used_of_others(s, found["module"]))), "other boards are not fed"
     )
-    daemon.wait_status(lambda s: not problem(s, kind), f"{kind} is never over", seconds=30)
+    daemon.wait_status(lambda s: not problem(s, kind), f"{kind} is never over")
     over_s = time.monotonic() - began - until_s
     assert found["sentence"] in daemon.log
     print(f"{kind}: over {over_s:.2f} s after its cause (start of the simulator included)")
@@ -122,7 +127,7 @@ def test_a_fault_is_named_and_over_when_its_cause_is(start, simulate, case):
 
 
 def test_a_healthy_hand_has_no_problems(start, simulate):
-    daemon = start(**FREE_RUNNING)
+    daemon = start(**PATIENT)
     simulate([])
     all_living(daemon)
     daemon.wait_status(lambda s: not s["problems"], "a healthy hand has problems")
@@ -138,10 +143,10 @@ def test_a_healthy_hand_has_no_problems(start, simulate):
 def test_a_touched_hand_of_any_kind_has_no_problems(start, folder, layout):
     """A ball rolls over every module: no touch is taken for a second board, no protocol for a babbling node."""
     buses = hand_buses(layout)
-    daemon = start(["sim:roll"] * buses, layout=layout, **FREE_RUNNING)
+    daemon = start(["sim:roll"] * buses, layout=layout, **PATIENT)
     seen = set()
-    daemon.wait_status(lambda s: all(b["state"] == "living" for b in s["boards"]), "not every board speaks", 20)
-    daemon.wait_status(lambda s: seen.update(p["sentence"] for p in s["problems"]) or not s["problems"], "problems remain", 20)
+    daemon.wait_status(lambda s: all(b["state"] == "living" for b in s["boards"]), "not every board speaks")
+    daemon.wait_status(lambda s: seen.update(p["sentence"] for p in s["problems"]) or not s["problems"], "problems remain")
     seen.clear()
     end = time.monotonic() + 4
     while time.monotonic() < end:
@@ -165,7 +170,7 @@ def test_a_board_that_reboots_is_started_again(start, simulate):
     daemon.wait_status(lambda s: board(s)["restarts"] > restarts, "the board that came back is not started")
     all_living(daemon)
     # Again and again: that is a problem of its own.
-    status = daemon.wait_status(lambda s: problem(s, "board-unsteady"), "the board's falling silent is not counted", 20)
+    status = daemon.wait_status(lambda s: problem(s, "board-unsteady"), "the board's falling silent is not counted")
     assert "loose plug" in problem(status, "board-unsteady")["sentence"]
     all_living(daemon)
 
@@ -173,16 +178,16 @@ def test_a_board_that_reboots_is_started_again(start, simulate):
 def test_swapped_buses_are_recognised_by_the_board_that_only_one_of_them_has(start, simulate):
     daemon = start(**FREE_RUNNING)
     simulate([], order=(1, 0))
-    status = daemon.wait_status(lambda s: problem(s, "buses-swapped"), "the swap is not seen", seconds=20)
+    status = daemon.wait_status(lambda s: problem(s, "buses-swapped"), "the swap is not seen")
     sentence = problem(status, "buses-swapped")["sentence"]
     assert "can0 and can1 look swapped" in sentence and "source = " in sentence
     # What only one bus has is silent where the layout wants it; the rest of the hand works, on the wrong fingers.
-    assert sum(b["state"] == "living" for b in status["boards"]) == 14
+    daemon.wait_status(lambda s: sum(b["state"] == "living" for b in s["boards"]) == 14, "not all but those two work")
     assert not problem(status, "board-not-in-layout")
 
 
 def test_a_board_with_an_address_of_the_other_bus_is_named(start, simulate):
     daemon = start(**FREE_RUNNING)
     simulate([{"kind": "wrong-id", "on": ["ring tip"], "board": 7}, {"kind": "silent", "on": ["middle proximal"]}])
-    status = daemon.wait_status(lambda s: problem(s, "buses-swapped"), "the displaced board is not seen", seconds=20)
+    status = daemon.wait_status(lambda s: problem(s, "buses-swapped"), "the displaced board is not seen")
     assert "only this board is on the wrong bus" in problem(status, "buses-swapped")["sentence"]

@@ -9,7 +9,8 @@ import pytest
 import taxel_reader
 from harness.bus import MulticastBuses
 from harness.daemon import Programs, eventually
-from harness.phantom import Categorizer, Phantom, output_of, two_categories
+from harness.phantom import Categorizer, Phantom, two_categories
+from harness.terminal import Terminal
 
 AREAS = 16
 # Shallow, so that a round of the scene is short; its touches can be told apart all the same.
@@ -53,7 +54,7 @@ def test_every_touch_of_a_phantom_is_told_in_its_category(start, taxel, buses, f
     daemon = phantom.daemon(start, buses.sources)
     own = folder / "touches.sock"
     live = Categorizer(taxel, phantom, daemon, "--publish", own)
-    eventually(own.exists, "no socket of touches", 30)
+    eventually(own.exists, "no socket of touches")
     published, reader = touches_of(own)
     phantom.begin(taxel, daemon, buses.sources[0])
     touches = live.wait_told(lambda areas: len(areas) == AREAS, offline)
@@ -97,9 +98,9 @@ def test_a_signal_leaves_nothing_of_the_socket_of_touches(start, taxel, buses, f
     daemon = phantom.daemon(start, buses.sources)
     own = folder / "published" / "touches.sock"
     live = Categorizer(taxel, phantom, daemon, "--publish", own)
-    eventually(own.exists, "no socket of touches", 30)
+    eventually(own.exists, "no socket of touches")
     live.process.send_signal(ending)
-    assert live.process.wait(timeout=30) == -ending
+    assert live.process.wait() == -ending
     assert not own.parent.exists(), list(own.parent.iterdir())
 
 
@@ -111,14 +112,26 @@ def test_the_map_of_another_probe_is_refused(start, taxel, folder):
         live = taxel(
             "categorize", "--live", phantom.map, "--socket", daemon.images, stderr=subprocess.PIPE
         )
-        _, said = live.communicate(timeout=30)
+        _, said = live.communicate()
     assert live.returncode == 1
     assert "has 7 values a frame, and allegro-uskin-15 has 240 taxels; it is of another probe" in said, said
 
 
 def test_the_demo_of_a_phantom_makes_its_marks_and_puts_touches_onto_the_map(folder):
-    out = output_of("demo", "--scene", Phantom(folder, DEPTH_MM).scene, "--headless", "--seconds", "10")
-    touches = re.search(r"^touches +(\d+), (\d+) in the category of their class, (\d+) unknown$", out, re.MULTILINE)
+    terminal = Terminal(folder, "demo", "--scene", Phantom(folder, DEPTH_MM).scene)
+
+    def find(pattern):
+        terminal.shows("")
+        return re.search(pattern, "\n".join(terminal.screen.display))
+
+    try:
+        eventually(lambda: find(r" [1-9]\d* of \d+ in their class's"), lambda: "\n".join(terminal.screen.display))
+        terminal.press("q")
+        summary = r"touches +(\d+), (\d+) in the category of their class, (\d+) unknown"
+        touches = eventually(lambda: find(summary), lambda: "\n".join(terminal.screen.display))
+    finally:
+        terminal.process.kill()
+        terminal.process.wait()
     # One whose frames a busy machine makes late is not like the others of its class, and unknown.
     told, right, unknown = map(int, touches.groups())
-    assert right > 0 and right + unknown == told, out
+    assert right > 0 and right + unknown == told, touches[0]
