@@ -11,7 +11,7 @@ import time
 import numpy as np
 import pytest
 import taxel_reader
-from harness.daemon import Daemon, ask, binary, die_with_parent, eventually
+from harness.daemon import Daemon, ask, binary, die_with_parent, eventually, reader_of
 from harness.gripper import (
     FINGERS,
     GOAL_PWM,
@@ -281,8 +281,7 @@ def test_a_gripper_is_told_where_it_holds_while_it_squeezes(folder, servos):
             text=True,
             preexec_fn=die_with_parent,
         )
-        eventually(estimates.exists, "estimates are not published")
-        published, reader = [], taxel_reader.connect(estimates)
+        published, reader = [], reader_of(estimates)
 
         def read():
             try:

@@ -8,7 +8,7 @@ import threading
 import pytest
 import taxel_reader
 from harness.bus import MulticastBuses
-from harness.daemon import Programs, eventually
+from harness.daemon import Programs, eventually, reader_of
 from harness.phantom import Categorizer, Phantom, two_categories
 from harness.terminal import Terminal
 
@@ -32,7 +32,7 @@ def taxel():
 
 def touches_of(path):
     """The list that the touches of a socket are added to as they come, and the HELLO before them."""
-    touches, reader = [], taxel_reader.connect(path)
+    touches, reader = [], reader_of(path)
 
     def read():
         try:
@@ -54,7 +54,6 @@ def test_every_touch_of_a_phantom_is_told_in_its_category(start, taxel, buses, f
     daemon = phantom.daemon(start, buses.sources)
     own = folder / "touches.sock"
     live = Categorizer(taxel, phantom, daemon, "--publish", own)
-    eventually(own.exists, "no socket of touches")
     published, reader = touches_of(own)
     phantom.begin(taxel, daemon, buses.sources[0])
     touches = live.wait_told(lambda areas: len(areas) == AREAS, offline)

@@ -50,6 +50,18 @@ def eventually(condition, what, seconds=HANGS_AFTER_S):
     return value
 
 
+def reader_of(path):
+    """A reader of the messages at a socket, as soon as somebody listens there."""
+
+    def listens():
+        try:
+            return taxel_reader.connect(path)
+        except (FileNotFoundError, ConnectionRefusedError):
+            return None
+
+    return eventually(listens, f"nobody listens at {path}")
+
+
 def toml(value, within=""):
     """A value, or a dict of tables and keys, as TOML; `within` names the table it stands in, with a dot."""
     if isinstance(value, bool):
