@@ -41,12 +41,19 @@ def die_with_parent():
 HANGS_AFTER_S = 300
 
 
-def eventually(condition, what, seconds=HANGS_AFTER_S):
-    """Waits until `condition()` is truthy and returns it; fails with `what`. The time only bounds a failure."""
+def eventually(condition, what, seconds=HANGS_AFTER_S, rest=0):
+    """Waits until `condition()` is truthy and returns it; fails with `what`. The time only bounds a failure.
+
+    Between two looks it rests `rest` times as long as one took, half a second at most: an emulated machine would answer nothing
+    but looks.
+    """
     end = time.monotonic() + seconds
+    began = time.monotonic()
     while not (value := condition()):
-        assert time.monotonic() < end, f"after {seconds} s: {what() if callable(what) else what}"
-        time.sleep(0.01)
+        looked = time.monotonic()
+        assert looked < end, f"after {seconds} s: {what() if callable(what) else what}"
+        time.sleep(max(0.01, min(0.5, rest * (looked - began))))
+        began = time.monotonic()
     return value
 
 
@@ -150,7 +157,7 @@ class Daemon:
 
     def start(self):
         self.spawn()
-        eventually(self._answers, lambda: f"taxeld does not answer; its log:\n{self.log}")
+        eventually(self._answers, lambda: f"taxeld does not answer; its log:\n{self.log}", rest=2)
         return self
 
     def _answers(self):
@@ -202,7 +209,7 @@ class Daemon:
             last.update(self.status())
             return condition(last)
 
-        eventually(met, lambda: f"{what}; status: {json.dumps(last)[:4000]}", seconds)
+        eventually(met, lambda: f"{what}; status: {json.dumps(last)[:4000]}", seconds, rest=2)
         return last
 
     def report(self, times):

@@ -125,7 +125,9 @@ class Service:
 
     def wait(self, name, value):
         eventually(
-            lambda: self.show(name) == value, lambda: f"{name} is {self.show(name)}, not {value}\n{self.newest()}"
+            lambda: self.show(name) == value,
+            lambda: f"{name} is {self.show(name)}, not {value}\n{self.newest()}",
+            rest=2,
         )
 
     def wait_restarts(self, count):
@@ -142,7 +144,7 @@ class Service:
 
     def wait_journal(self, words, *options):
         """Waits for words in its journal, and returns the whole of it."""
-        eventually(lambda: words in self.journal(*options), lambda: f"not said: {words}\n{self.newest()}")
+        eventually(lambda: words in self.journal(*options), lambda: f"not said: {words}\n{self.newest()}", rest=2)
         return self.journal(*options)
 
     @property
@@ -160,7 +162,7 @@ class Service:
         return self.control("status")["status"]
 
     def wait_status(self, condition, what):
-        eventually(lambda: condition(self.status()), lambda: f"{what}: {json.dumps(self.status())[:3000]}")
+        eventually(lambda: condition(self.status()), lambda: f"{what}: {json.dumps(self.status())[:3000]}", rest=2)
 
     def thread(self, name):
         """The id of the thread of this name."""

@@ -44,7 +44,7 @@ def test_it_is_ready_as_its_own_user_without_any_capability_and_in_real_time(ser
     for name, group in (("images", "tactile"), ("status", "tactile"), ("control", "tactile-control")):
         found = (service.runtime / f"{name}.sock").stat()
         assert (grp.getgrgid(found.st_gid).gr_name, stat.S_IMODE(found.st_mode)) == (group, 0o660)
-    eventually(lambda: "Hz (timer)" in service.show("StatusText"), "systemctl status shows no line")
+    eventually(lambda: "Hz (timer)" in service.show("StatusText"), "systemctl status shows no line", rest=2)
     service.wait_journal("bus is up", "--priority", "info")
     assert "bus is up" not in service.journal("--priority", "warning")
 
@@ -99,7 +99,7 @@ def test_a_reload_takes_up_the_profile_and_loses_no_subscriber(service, buses):
         next_image(reader)
         service.configure(sources=buses.sources, profile={"levels": 3}, socket=patient)
         systemctl("reload", service.unit, check=True)
-        eventually(lambda: service.control("profile")["profile"]["levels"] == 3, service.newest)
+        eventually(lambda: service.control("profile")["profile"]["levels"] == 3, service.newest, rest=2)
         service.configure(sources=buses.sources, profile={"levels": 0}, socket=patient)
         assert systemctl("reload", service.unit).returncode != 0
         service.wait_journal("levels = 0")
@@ -151,7 +151,7 @@ def test_what_runs_beside_it_records_within_its_bounds_and_answers_who_asks_for_
         with urllib.request.urlopen("http://127.0.0.1:9464/metrics") as answer:
             return b"taxeld_up 1" in answer.read().splitlines()
 
-    eventually(is_up, metrics.newest)
+    eventually(is_up, metrics.newest, rest=2)
     for program in beside:
         assert (program.show("NRestarts"), fields(program.pid)["Seccomp"]) == ("0", "2")
         program.stop()
