@@ -15,6 +15,8 @@ struct Row {
     contacts: usize,
     strongest: f64,
     total: f64,
+    /// Of both; empty for magnitudes, whose unit no recording says.
+    unit: String,
     actuators: usize,
     levels: usize,
     /// Root of the squared error of the forces shown over that of the forces felt, taxels in contact.
@@ -28,7 +30,7 @@ pub(super) struct Overview {
     pictures: Vec<[Picture; 2]>,
 }
 
-const COLUMNS: [&str; 11] = [
+const COLUMNS: [&str; 12] = [
     "recording",
     "seconds",
     "contact_s",
@@ -37,6 +39,7 @@ const COLUMNS: [&str; 11] = [
     "contacts",
     "strongest",
     "total",
+    "unit",
     "actuators",
     "levels",
     "level_error",
@@ -80,6 +83,8 @@ impl Overview {
             .filter(|(_, frame)| frame.contacts() > 0)
             .map(|(s, _)| s)
             .sum();
+        let strongest = touched().map(|taxel| frame.force[taxel]).fold(0.0, f64::max);
+        let shown = image.actuators.iter().map(|a| a.force).fold(0.0, f64::max);
         self.rows.push(Row {
             name: take.name.clone(),
             seconds: take.time_s(take.force.len() - 1),
@@ -89,15 +94,17 @@ impl Overview {
                 .filter(|module| take.force_on(*module, index) > 0.0)
                 .count(),
             contacts: frame.contacts(),
-            strongest: touched().map(|taxel| frame.force[taxel]).fold(0.0, f64::max),
+            strongest,
             total: take.total_force(index),
+            unit: take.unit.map_or(String::new(), |unit| unit.replace('²', "^2")),
             actuators: image.actuators.len(),
             levels: image.levels.len(),
             shown_error: (wrong / f64::max(all, f64::MIN_POSITIVE)).sqrt(),
         });
+        let caption = |force| format!("strongest {}", amount(force, take.unit));
         self.pictures.push([
-            felt(take, index, take.name.clone()),
-            compressed(take, image, "shown".into()),
+            felt(take, index, take.name.clone()).caption(caption(strongest)),
+            compressed(take, image, "shown".into()).caption(caption(shown)),
         ]);
         Ok(())
     }
@@ -106,8 +113,7 @@ impl Overview {
     pub(super) fn sheet(&self) -> Sheet {
         let sheet = Sheet::new("The tightest frame of each recording: forces felt, and as compressed");
         let pictures = self.pictures.iter().flatten().cloned();
-        let plain = pictures.map(|picture| picture.caption(""));
-        plain.fold(sheet.columns(8).panel_size(120, 150), Sheet::picture)
+        pictures.fold(sheet.columns(8).panel_size(120, 160), Sheet::picture)
     }
 
     /// What each row has of the columns, forces as `force` writes them.
@@ -122,6 +128,7 @@ impl Overview {
                 row.contacts.to_string(),
                 force(row.strongest),
                 force(row.total),
+                row.unit.clone(),
                 row.actuators.to_string(),
                 row.levels.to_string(),
                 format!("{:.4}", row.shown_error),

@@ -196,6 +196,33 @@ fn several_recordings_become_one_table_and_one_sheet() {
 }
 
 #[test]
+fn forces_of_the_sheet_and_of_the_table_have_their_unit() {
+    let dir = TempDir::new().unwrap();
+    for (method, unit, in_table) in [("optimal", "counts", "counts"), ("paper", "counts²", "counts^2")] {
+        let args = [
+            "figures",
+            "sim:golf-ball",
+            "sim:soup-can",
+            "--out",
+            "out",
+            "--method",
+            method,
+        ];
+        succeeds(&dir, &args);
+        let table = rows(&dir, "recordings-table.csv", "");
+        assert_eq!(table[0][6..9], ["strongest", "total", "unit"]);
+        let units = table[1..].iter().map(|row| row[8].as_str());
+        assert!(units.eq([in_table; 2]), "{table:?}");
+        // Each picture has a grey of its own: forces felt, and shown.
+        let svg = fs::read_to_string(dir.path().join("out/recordings.svg")).unwrap();
+        let captions = svg
+            .lines()
+            .filter(|line| line.starts_with("strongest ") && line.ends_with(unit));
+        assert_eq!(captions.count(), 4, "{svg}");
+    }
+}
+
+#[test]
 fn a_folder_stands_for_its_recordings_in_the_order_of_their_names() {
     let dir = TempDir::new().unwrap();
     let folder = dir.path().join("grasps");
