@@ -33,6 +33,8 @@ pub enum RecordError {
         frame: usize,
         /// The taxel, from 0.
         taxel: usize,
+        /// Cells of a frame.
+        cells: usize,
     },
     /// A readable file that does not hold what was asked for: its arrays or their shape.
     #[error("{at} {holds}")]

@@ -6,8 +6,9 @@ use taxel_hand::MAX_TAXELS;
 
 const SHAPES: &str = "T x H x W or T x N (magnitudes) or T x N x 3 or T x H x W x 3 (counts); a T x 3N array of \
                       counts needs --columns xyz-interleaved (x1,y1,z1,x2,..) or --columns xyz-blocks (x1,x2,..,y1,..,z1,..)";
-const SHAPES_WITH_COLUMNS: &str =
-    "T x 3N, since --columns was given: three columns, x y z, for each of N taxels";
+const SHAPES_WITH_COLUMNS: &str = "T x 3N, since --columns was given: three columns, x y z, for each of N taxels; of a \
+                                   .csv --joint-columns M says that the last M are joint angles, and --time-column UNIT \
+                                   that the first is time";
 
 /// What an array of numbers is.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -88,7 +89,8 @@ impl Meaning {
         }
         if meaning.counts.is_some() && options.void.is_some() {
             return Err(wrong_shape(
-                "T x H x W or T x N magnitudes, since --void was given",
+                "T x H x W or T x N magnitudes, since --void was given; leave --void out where they are counts: a taxel \
+                 without a value is missing there",
             ));
         }
         Ok(meaning)

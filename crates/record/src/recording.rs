@@ -339,8 +339,12 @@ fn magnitudes(
     };
     let (frame, taxel, value) = (i / taxels.len(), taxels[i % taxels.len()], values[i]);
     if value.is_nan() {
-        let at = at.to_owned();
-        return Err(RecordError::NotANumber { at, frame, taxel });
+        return Err(RecordError::NotANumber {
+            at: at.to_owned(),
+            frame,
+            taxel,
+            cells: all,
+        });
     }
     let reason = format!("frame {frame}, taxel {taxel} is {value}; a magnitude is a finite number");
     Err(RecordError::unreadable(at, reason))

@@ -1,6 +1,7 @@
 //! INPUT: any recording the tool knows, and what to say about it where the file does not.
 
 use crate::assumed;
+use crate::magnitudes;
 use crate::piped_file::{layout_parser, recording_parser};
 use anyhow::{Context, bail};
 use std::cell::OnceCell;
@@ -127,12 +128,7 @@ impl InputArgs {
             void: self.void.clone(),
             idle_frames: self.idle,
         };
-        let recording = Recording::open(&self.path, &options).map_err(|error| match error {
-            RecordError::NotANumber { .. } => {
-                anyhow::anyhow!("{error}; --void nan says that cells which are no number are no taxels")
-            }
-            error => error.into(),
-        })?;
+        let recording = Recording::open(&self.path, &options).map_err(|error| self.advised(error))?;
         let name = recording.name();
         let of_times = assumed::of_times(&recording, &options, "--time-column UNIT says otherwise");
         for sentence in assumed::of_columns(&recording).chain(of_times) {
@@ -140,6 +136,19 @@ impl InputArgs {
         }
         tell_large_angle(&recording);
         Ok(Input::Frames(recording))
+    }
+
+    /// Says of cells that are not a number what they may be: of a taxel without counts, or of none.
+    fn advised(&self, error: RecordError) -> anyhow::Error {
+        let RecordError::NotANumber { cells, .. } = error else {
+            return error.into();
+        };
+        let void = "--void nan says that cells which are no number are no taxels";
+        let hand = self.hand(None, DEFAULT_LAYOUT).ok().filter(|_| self.is_csv());
+        match hand.and_then(|hand| magnitudes::counts_of(cells, hand.len(), true)) {
+            Some(counts) => anyhow::anyhow!("{error}; of these {cells} columns {counts}; {void}"),
+            None => anyhow::anyhow!("{error}; {void}"),
+        }
     }
 
     /// Whether it is a table, whose last columns can be joint angles.

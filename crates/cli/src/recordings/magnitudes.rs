@@ -29,18 +29,36 @@ pub(crate) fn of_another_size(recording: &Recording, layout: &Layout, input: &In
         true => format!("--layout grid:HxW names rows and columns whose product is {taxels}"),
         false => "place them with --layout grid:HxW".into(),
     };
-    match taxels.checked_sub(3 * wanted) {
-        Some(0) => anyhow::anyhow!(
-            "{and_layout}, a third; say with --columns xyz-interleaved or xyz-blocks that they are x y z counts, or {place}"
-        ),
-        Some(joints @ 1..=64) if input.is_csv() => anyhow::anyhow!(
-            "{and_layout}; {place}, or say with --columns xyz-interleaved --joint-columns {joints} that they are x y z \
-             counts and {joints} joint angles"
-        ),
-        _ if taxels.is_multiple_of(3) => {
+    let void = recording.cells();
+    let columns = void.map_or(taxels, <[bool]>::len);
+    match counts_of(columns, wanted, input.is_csv()) {
+        Some(counts) => {
+            let third = if taxels == 3 * wanted { ", a third" } else { "" };
+            let leave = if void.is_some() {
+                "leave --void out and "
+            } else {
+                ""
+            };
+            anyhow::anyhow!("{and_layout}{third}; {leave}{counts}, or {place}")
+        }
+        None if taxels.is_multiple_of(3) => {
             anyhow::anyhow!("{and_layout}; {place}, or say with --columns that they are x y z counts")
         }
-        _ => anyhow::anyhow!("{and_layout}; {place}"),
+        None => anyhow::anyhow!("{and_layout}; {place}"),
+    }
+}
+
+/// What says of so many columns that they are the counts of a hand, and in a .csv its joint angles; none where they
+/// cannot be.
+pub(crate) fn counts_of(columns: usize, taxels: usize, is_csv: bool) -> Option<String> {
+    match columns.checked_sub(3 * taxels)? {
+        0 => Some("say with --columns xyz-interleaved or xyz-blocks that they are x y z counts".into()),
+        joints @ 1..=64 if is_csv => Some(format!(
+            "say with --columns xyz-interleaved --joint-columns {joints} that they are x y z counts and {joints} joint \
+             angles, or {} where the first column is time, --time-column UNIT",
+            joints - 1
+        )),
+        _ => None,
     }
 }
 

@@ -104,6 +104,36 @@ fn what_the_columns_may_be_is_said() {
         err.contains("--columns xyz-interleaved --joint-columns 16"),
         "{err}"
     );
+    // A silent taxel has empty cells, which are known for what they are by the number of columns.
+    let silent = [vec!["1"; 336], vec![""; 3], vec!["1"; 397]].concat().join(",") + "\n";
+    fs::write(dir.path().join("silent.csv"), silent.repeat(2)).unwrap();
+    fs::write(dir.path().join("times.csv"), format!("0,{silent}1,{silent}")).unwrap();
+    let said = |file: &str, more: &[&str]| {
+        let args = ["compress", file, "--out", "a.npz"];
+        fails(&dir, &[&args[..], more].concat(), 1)
+    };
+    let of_counts = "--columns xyz-interleaved --joint-columns 16 that they are x y z counts";
+    let out = "leave --void out";
+    for (more, is_void) in [(&[][..], false), (&["--void", "nan"], true)] {
+        let err = said("silent.csv", more);
+        assert!(err.contains(of_counts) && err.contains(out) == is_void, "{err}");
+    }
+    let err = said("silent.csv", &["--columns", "xyz-interleaved"]);
+    assert!(
+        err.contains("--joint-columns M") && err.contains("--time-column"),
+        "{err}"
+    );
+    let order = ["--columns", "xyz-interleaved", "--joint-columns", "16"];
+    let err = said("silent.csv", &[&order[..], &["--void", "nan"]].concat());
+    assert!(err.contains(out), "{err}");
+    let plain = ["compress", "silent.csv", "--out", "a.npz"];
+    succeeds(&dir, &[&plain[..], &order].concat());
+    // 737 columns may be 17 joint angles, or a time and 16.
+    let err = said("times.csv", &[]);
+    assert!(
+        err.contains("--joint-columns 17") && err.contains("--time-column"),
+        "{err}"
+    );
     // An array has no joint angles beside its counts.
     ndarray_npy::write_npy(dir.path().join("plain.npy"), &Array2::from_elem((2, 736), 1.0)).unwrap();
     let array = ["compress", "plain.npy", "--out", "a.npz"];
