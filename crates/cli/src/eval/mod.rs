@@ -82,7 +82,7 @@ pub(crate) struct Args {
     /// Measure what can be told from one image: INPUT is an .npz of labelled frames
     #[arg(long, conflicts_with_all = OF_COMPRESSION)]
     task: bool,
-    /// With --task: draw the share recognised against actuators and bits, as SVG
+    /// With --task: draw the share recognised against actuators, levels and bits, as SVG
     #[arg(long, value_name = "FILE", requires = "task", conflicts_with_all = OF_COMPRESSION)]
     figure: Option<PathBuf>,
     /// Print one JSON object

@@ -32,6 +32,8 @@ const RUNNING: &str = ", running";
 const CELL: usize = 8;
 /// Levels and actuators of the curves; each is varied while the other is as it is.
 const SIZES: [u16; 5] = [2, 4, 8, 16, 32];
+/// A curve over sizes is drawn so many times farther to the right than the one before it, since many lie at 100 %.
+const ASIDE: f64 = 1.03;
 
 /// What `--json` prints.
 #[derive(Debug, Serialize)]
@@ -425,18 +427,30 @@ fn points(report: &Report) -> String {
     text
 }
 
-/// The share recognised against the number of actuators, and against the bits that these take.
+/// The share recognised against the numbers of actuators and of levels, and against the bits that the actuators take.
 fn drawing(report: &Report) -> anyhow::Result<String> {
-    let share = || Axis::new("recognised, %").range(0.0, 100.0);
-    let sizes = SIZES.map(f64::from);
-    let mut by_actuators = Chart::new("", Axis::new("actuators").log().ticks(sizes), share());
-    let mut by_bits = Chart::new("", Axis::new("bits a frame").log(), share());
-    let points = &report.curves[..report.by_actuators];
-    for name in names(points) {
-        let curve = || points.iter().filter(move |point| point.name == name);
-        by_actuators = by_actuators.line(name, curve().map(|p| (f64::from(p.actuators), 100.0 * p.nearest)));
-        by_bits = by_bits.line(name, curve().map(|p| (p.bits, 100.0 * p.nearest)));
-    }
-    let title = format!("Objects told apart from one image, {} levels", report.levels);
-    Ok(Sheet::new(title).chart(by_actuators).chart(by_bits).svg()?)
+    let (by_actuators, by_levels) = report.curves.split_at(report.by_actuators);
+    let chart = |x: Axis, points: &[TaskPoint], aside: f64, size_of: fn(&TaskPoint) -> f64| {
+        let names = names(points);
+        let middle = (names.len() as f64 - 1.0) / 2.0;
+        let chart = Chart::new("", x, Axis::new("recognised, %").range(0.0, 100.0));
+        names.iter().enumerate().fold(chart, |chart, (n, name)| {
+            let aside = aside.powf(n as f64 - middle);
+            let curve = points.iter().filter(|point| point.name == *name);
+            let curve: Vec<_> = curve.map(|p| (size_of(p) * aside, 100.0 * p.nearest)).collect();
+            chart.line(*name, curve.iter().copied()).points(*name, curve)
+        })
+    };
+    let sizes = |what: String| Axis::new(what).log().ticks(SIZES.map(f64::from));
+    let Report {
+        levels, actuators, ..
+    } = report;
+    let of_actuators = sizes(format!("actuators ({levels} levels)"));
+    let of_levels = sizes(format!("levels ({actuators} actuators)"));
+    let bits = Axis::new(format!("bits a frame ({levels} levels)")).log();
+    let sheet = Sheet::new("Objects told apart from one image")
+        .chart(chart(of_actuators, by_actuators, ASIDE, |p| p.actuators.into()))
+        .chart(chart(of_levels, by_levels, ASIDE, |p| p.levels.into()))
+        .chart(chart(bits, by_actuators, 1.0, |p| p.bits));
+    Ok(sheet.svg()?)
 }
