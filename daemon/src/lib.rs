@@ -15,6 +15,7 @@ mod out_of_use;
 mod overruns;
 mod realtime;
 mod reload;
+pub mod service_manager;
 mod snapshot;
 mod sockets;
 mod sources;
@@ -187,6 +188,10 @@ impl Daemon {
         });
         self.shared.stop.store(true, Ordering::Relaxed);
         let _ = self.shared.wake.write(1);
+        // Before what may take long: its watchdog, which nobody feeds any more, is then no end.
+        if self.stop.is_some() {
+            service_manager::tell("STOPPING=1");
+        }
         let tick = self.tick.take().map(JoinHandle::join);
         drop(self.stop.take());
         let control = self.control.take().map(JoinHandle::join);

@@ -11,7 +11,6 @@ use anyhow::Context;
 use clap::Parser;
 use nix::libc;
 use nix::sys::signal::{SigSet, SigmaskHow};
-use sd_notify::NotifyState;
 use signal_hook::consts::{
     SIGALRM, SIGHUP, SIGINT, SIGIO, SIGPROF, SIGQUIT, SIGTERM, SIGUSR1, SIGUSR2, SIGVTALRM, SIGXCPU, SIGXFSZ,
 };
@@ -21,7 +20,7 @@ use std::io::Write;
 use std::process::ExitCode;
 use std::time::{Duration, Instant};
 use taxeld::log::{Flush, Log};
-use taxeld::{Arguments, Config, ConfigError, Daemon, StartError, stdout};
+use taxeld::{Arguments, Config, ConfigError, Daemon, StartError, service_manager, stdout};
 use tracing::Level;
 use tracing_subscriber::filter::{LevelFilter, Targets};
 use tracing_subscriber::layer::SubscriberExt;
@@ -78,7 +77,6 @@ fn run(arguments: &Arguments) -> anyhow::Result<ExitCode> {
     let images = config.socket.images.clone();
     let daemon = Daemon::start(config)?;
     tracing::info!(images = %images.display(), "ready");
-    let _ = sd_notify::notify(&[NotifyState::Ready]);
 
     let (sender, stop) = std::sync::mpsc::channel();
     std::thread::spawn(move || {
@@ -91,7 +89,10 @@ fn run(arguments: &Arguments) -> anyhow::Result<ExitCode> {
     mask.thread_set_mask().context("cannot take signals")?;
     let mut status = ExitCode::SUCCESS;
     let mut rereads = Rereads::default();
+    let mut is_ready_told = false;
     while daemon.is_running() {
+        // Again and again, since systemd starts nothing behind taxeld before it was told.
+        is_ready_told = is_ready_told || service_manager::tell("READY=1");
         if rereads.take(Instant::now()) {
             daemon.reload(|| Config::load(&arguments.config));
         }
@@ -108,7 +109,6 @@ fn run(arguments: &Arguments) -> anyhow::Result<ExitCode> {
             Err(_) => {}
         }
     }
-    let _ = sd_notify::notify(&[NotifyState::Stopping]);
     daemon.stop().map_err(anyhow::Error::msg)?;
     Ok(status)
 }

@@ -5,9 +5,9 @@
 
 use crate::out_of_use::OutOfUse;
 use crate::overruns::Overruns;
+use crate::service_manager;
 use crate::snapshot::Snapshot;
 use crate::state::State;
-use sd_notify::NotifyState;
 use std::rc::Rc;
 use std::time::Duration;
 use taxel_can::LinkState;
@@ -61,11 +61,11 @@ pub(crate) async fn watch(state: Rc<State>) {
         let heartbeat = state.heartbeat();
         if is_sending && heartbeat != last_heartbeat {
             last_heartbeat = heartbeat;
-            let _ = sd_notify::notify(&[NotifyState::Watchdog]);
+            service_manager::tell("WATCHDOG=1");
         }
         if status_at <= Instant::now() {
             status_at += STATUS;
-            let _ = sd_notify::notify(&[NotifyState::Status(&state.summary())]);
+            service_manager::tell(&format!("STATUS={}", state.summary()));
         }
         if roll_call_at.take_if(|at| *at <= Instant::now()).is_some() {
             call_roll(&state, before.as_ref());

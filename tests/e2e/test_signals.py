@@ -1,6 +1,8 @@
 """What signals do: boards and motors are stopped by every one that ends a process and can be caught."""
 
 import signal
+import socket
+import threading
 
 import pytest
 from harness.bus import MulticastBuses
@@ -70,3 +72,53 @@ def test_a_signal_that_tells_of_a_fault_ends_it_at_once_and_motors_stop_by_their
         # What it has left behind is in nobody's way.
         daemon.start()
     servos.close()
+
+
+@pytest.mark.parametrize("is_abstract", [False, True], ids=["path", "abstract"])
+def test_a_service_manager_that_reads_nothing_keeps_no_motor_on_and_is_told_once_it_reads(folder, is_abstract):
+    servos = Servos("--ids", "1-16")
+    joints = dynamixel(servos.path, allow_writes=True, watchdog_ms=2540)
+    name = f"@{folder}" if is_abstract else str(folder / "notify")
+    with socket.socket(socket.AF_UNIX, socket.SOCK_DGRAM) as manager:
+        manager.settimeout(60)
+        manager.bind(name.replace("@", "\0"))
+
+        def fill():
+            with socket.socket(socket.AF_UNIX, socket.SOCK_DGRAM) as other, pytest.raises(BlockingIOError):
+                while True:
+                    other.sendto(b"WATCHDOG=1", socket.MSG_DONTWAIT, manager.getsockname())
+
+        def wait_for(state):
+            while manager.recv(4096) != state:
+                pass
+
+        fill()
+        with Daemon(folder / "d", SCENE, environment={"NOTIFY_SOCKET": name}, tick=TICK, joints=joints) as daemon:
+            for switch in ("on", "off", "on"):
+                assert servo(daemon, "joint 5", "--torque", switch) == (0, "")
+                assert servos.register(5, *TORQUE) == (switch == "on")
+            for state in (b"READY=1", b"WATCHDOG=1"):
+                wait_for(state)
+            fill()
+            assert daemon.stop() == 0
+            assert servos.register(5, *TORQUE) == 0
+    servos.close()
+
+
+def test_a_service_manager_is_told_that_it_stops(folder):
+    with socket.socket(socket.AF_UNIX, socket.SOCK_DGRAM) as manager:
+        manager.settimeout(60)
+        manager.bind(str(folder / "notify"))
+        told = []
+
+        def read():
+            while not told or told[-1] != b"STOPPING=1":
+                told.append(manager.recv(4096))
+
+        # Without a pause, or what it is told might find no room.
+        reader = threading.Thread(target=read)
+        reader.start()
+        with Daemon(folder / "d", SCENE, environment={"NOTIFY_SOCKET": manager.getsockname()}, tick=TICK) as daemon:
+            assert daemon.stop() == 0
+        reader.join()
+        assert b"READY=1" in told and told[-1] == b"STOPPING=1"
