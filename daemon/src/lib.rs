@@ -58,7 +58,9 @@ pub struct Daemon {
     /// Dropped to end the control thread, which ends that of the images with it.
     stop: Option<oneshot::Sender<()>>,
     /// Configurations to be taken up by the control thread.
-    reload: tokio::sync::mpsc::UnboundedSender<reload::Reread>,
+    reload: tokio::sync::mpsc::UnboundedSender<reload::Reading>,
+    /// The thread that reads one, or has.
+    reading: Option<JoinHandle<()>>,
     /// Gone when nobody serves any more.
     _sockets: Arc<Mutex<Sockets>>,
 }
@@ -97,6 +99,7 @@ impl Daemon {
             joints: None,
             stop: None,
             reload,
+            reading: None,
             _sockets: sockets.clone(),
         };
         let realtime = config.realtime;
@@ -164,11 +167,19 @@ impl Daemon {
         (finished || runs(&self.tick)) && runs(&self.images) && runs(&self.control)
     }
 
-    /// Reads the configuration again by `read`, here and now, and takes up what can be changed while the hand is read, the
-    /// display profile; says in the log what cannot. No subscriber is let go. Where the configuration cannot be read, even
-    /// where `read` panics, that is a problem until another one is taken up.
-    pub fn reload(&self, read: impl FnOnce() -> Result<Config, ConfigError>) {
-        let _ = self.reload.send(reload::reread(read));
+    /// Reads the configuration again by `read`, on a thread of its own, and takes up what can be changed while the hand is
+    /// read, the display profile; says in the log what cannot. No subscriber is let go. Where the configuration cannot be
+    /// read, even where `read` panics or does not return, that is a problem until another one is taken up.
+    pub fn reload(&mut self, read: impl FnOnce() -> Result<Config, ConfigError> + Send + 'static) {
+        let (sender, reading) = oneshot::channel();
+        let _ = self.reload.send(reading);
+        let thread = std::thread::Builder::new().name("reload".into());
+        self.reading = thread.spawn(move || drop(sender.send(reload::reread(read)))).ok();
+    }
+
+    /// Whether a configuration is being read again: who waits for the end of that never has two threads that hang.
+    pub fn is_reloading(&self) -> bool {
+        self.reading.as_ref().is_some_and(|thread| !thread.is_finished())
     }
 
     /// Switches off the motors that were switched on, stops the boards, lets every subscriber go, and removes the sockets.

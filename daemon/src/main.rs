@@ -75,7 +75,7 @@ fn run(arguments: &Arguments) -> anyhow::Result<ExitCode> {
         .thread_swap_mask(SigmaskHow::SIG_SETMASK)
         .context("cannot block signals")?;
     let images = config.socket.images.clone();
-    let daemon = Daemon::start(config)?;
+    let mut daemon = Daemon::start(config)?;
     tracing::info!(images = %images.display(), "ready");
 
     let (sender, stop) = std::sync::mpsc::channel();
@@ -93,8 +93,9 @@ fn run(arguments: &Arguments) -> anyhow::Result<ExitCode> {
     while daemon.is_running() {
         // Again and again, since systemd starts nothing behind taxeld before it was told.
         is_ready_told = is_ready_told || service_manager::tell("READY=1");
-        if rereads.take(Instant::now()) {
-            daemon.reload(|| Config::load(&arguments.config));
+        if !daemon.is_reloading() && rereads.take(Instant::now()) {
+            let file = arguments.config.clone();
+            daemon.reload(move || Config::load(&file));
         }
         match stop.recv_timeout(Duration::from_millis(200)) {
             Ok(SIGHUP) => rereads.ask(),

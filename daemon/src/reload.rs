@@ -4,11 +4,20 @@ use crate::state::State;
 use std::any::Any;
 use std::panic::{AssertUnwindSafe, catch_unwind};
 use std::rc::Rc;
+use std::time::Duration;
 use taxel_config::{Config, ConfigError};
 use tokio::sync::mpsc::UnboundedReceiver;
+use tokio::sync::oneshot;
+use tokio::time::timeout;
+
+/// A file that is not read by then is told as refused until it is.
+const PATIENCE: Duration = Duration::from_secs(3);
 
 /// A configuration that was read again, or why it cannot be read.
 pub(crate) type Reread = Result<Config, String>;
+
+/// One that is being read.
+pub(crate) type Reading = oneshot::Receiver<Reread>;
 
 /// Reads a configuration again. A file that makes that panic is refused as a wrong one is: a fault in what reads files is
 /// no reason to end what runs, and nothing of it is touched by reading.
@@ -30,11 +39,22 @@ fn said_by(panic: &(dyn Any + Send)) -> &str {
 }
 
 /// Takes up configurations as they come.
-pub(crate) async fn take_up(mut configs: UnboundedReceiver<Reread>, state: Rc<State>) {
-    while let Some(config) = configs.recv().await {
-        let taken_up = match config {
-            Ok(config) => take_up_one(&config, &state).await,
-            Err(why) => Err(why),
+pub(crate) async fn take_up(mut readings: UnboundedReceiver<Reading>, state: Rc<State>) {
+    while let Some(mut reading) = readings.recv().await {
+        let read = match timeout(PATIENCE, &mut reading).await {
+            Ok(read) => read,
+            Err(_) => {
+                let late = format!(
+                    "it has not been read for {PATIENCE:?}, as on a disk that does not answer; another reload waits for that"
+                );
+                note(&state, Some(late));
+                reading.await
+            }
+        };
+        let taken_up = match read {
+            Ok(Ok(config)) => take_up_one(&config, &state).await,
+            Ok(Err(why)) => Err(why),
+            Err(_) => Err("no thread can be started that reads it".into()),
         };
         note(&state, taken_up.err());
     }

@@ -4,6 +4,7 @@ import os
 import shutil
 import signal
 import subprocess
+from contextlib import suppress
 
 import can
 import pytest
@@ -212,6 +213,43 @@ def test_a_refused_reload_is_a_problem_until_one_is_taken_up_and_a_storm_of_it_o
     assert daemon.log.count("is refused: ") == 1, daemon.log
     hang_up(good)
     eventually(lambda: not refused(), refused)
+
+
+def test_a_file_that_does_not_end_is_read_beside_all_else_and_told_and_the_next_reload_is_kept(start, folder):
+    daemon = start(profile={"levels": 8, "actuators": 16})
+    good = daemon.config.read_text()
+
+    def refused():
+        return [p["sentence"] for p in daemon.status()["problems"] if p["kind"] == "reload-refused"]
+
+    def read_without_end():
+        """The end of the pipe that taxeld reads."""
+        os.mkfifo(folder / "pipe")
+        os.replace(folder / "pipe", daemon.config)
+        daemon.process.send_signal(signal.SIGHUP)
+        ends = []
+
+        def opened():
+            with suppress(OSError):  # ENXIO until somebody reads
+                ends.append(os.open(daemon.config, os.O_WRONLY | os.O_NONBLOCK))
+            return ends
+
+        eventually(opened, "it is not read")
+        return ends[0]
+
+    end = read_without_end()
+    (folder / "next").write_text(good.replace("levels = 8", "levels = 3"))
+    os.replace(folder / "next", daemon.config)
+    daemon.process.send_signal(signal.SIGHUP)
+    eventually(refused, lambda: f"not told:\n{daemon.log}")
+    assert "has not been read for" in refused()[0]
+    os.close(end)
+    eventually(lambda: "[profile] is taken up" in daemon.log, lambda: f"the second is lost:\n{daemon.log}")
+    eventually(lambda: not refused(), refused)
+    assert daemon.control("profile")["profile"]["levels"] == 3
+    end = read_without_end()
+    assert daemon.stop() == 0
+    os.close(end)
 
 
 def test_a_configuration_that_is_not_there_is_named(folder):
