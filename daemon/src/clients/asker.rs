@@ -16,12 +16,14 @@ pub(crate) enum Access {
     Change,
 }
 
+/// User and process of a client, as the kernel tells them; none where it says nothing.
+pub(crate) type Process = Option<(u32, Option<i32>)>;
+
 /// Who has connected, as the kernel says, and what the socket allows.
 #[derive(Debug, Clone, Copy)]
 pub(crate) struct Asker {
     pub(crate) access: Access,
-    /// User and process; none where the kernel says nothing.
-    user: Option<(u32, Option<i32>)>,
+    pub(crate) user: Process,
 }
 
 impl Asker {

@@ -1,7 +1,9 @@
 //! Who is connected to a control socket, and who has to go when there are too many.
 
+use super::asker::Process;
 use std::cell::{Cell, RefCell};
 use std::rc::Rc;
+use taxel_serve::most_crowding;
 use taxel_wire::status::ControlStatus;
 use tokio::sync::Notify;
 use tokio::time::Instant;
@@ -34,6 +36,7 @@ pub(crate) struct Places {
 
 #[derive(Debug)]
 struct Client {
+    process: Process,
     doing: Cell<(Doing, Instant)>,
     leave: Notify,
 }
@@ -56,12 +59,13 @@ impl Places {
         }
     }
 
-    /// A place for a new connection; where there is none, another one loses its own.
-    pub(crate) fn enter(self: &Rc<Self>, now: Instant) -> Place {
+    /// A place for a new connection of this process; where there is none, another one loses its own.
+    pub(crate) fn enter(self: &Rc<Self>, process: Process, now: Instant) -> Place {
         if self.clients.borrow().len() >= self.most {
             self.make_room();
         }
         let client = Rc::new(Client {
+            process,
             doing: Cell::new((Doing::Nothing, now)),
             leave: Notify::new(),
         });
@@ -72,10 +76,15 @@ impl Places {
         }
     }
 
-    /// Has the client go that has done nothing for longest.
+    /// Has the client go that has done nothing for longest: of the process that crowds the others, where one does, or
+    /// what it does without end would keep out whoever has not been heard yet.
     pub(crate) fn make_room(&self) {
         let mut clients = self.clients.borrow_mut();
-        let oldest = (0..clients.len()).min_by_key(|i| clients[*i].doing.get());
+        let crowding = most_crowding(self.most, clients.iter().map(|client| client.process));
+        let goes = |client: &Client| crowding.is_none_or(|(process, _)| client.process == process);
+        let oldest = (0..clients.len())
+            .filter(|i| goes(&clients[*i]))
+            .min_by_key(|i| clients[*i].doing.get());
         if let Some(oldest) = oldest {
             clients.remove(oldest).leave.notify_one();
             self.made_room.set(self.made_room.get() + 1);
@@ -132,7 +141,7 @@ mod tests {
         let places = Rc::new(Places::new(MOST));
         let start = Instant::now();
         let at = |ms| start + Duration::from_millis(ms);
-        let held: Vec<Place> = (0..MOST as u64).map(|n| places.enter(at(n))).collect();
+        let held: Vec<Place> = (0..MOST as u64).map(|n| places.enter(None, at(n))).collect();
         // The two oldest are at work, the third has asked something since, and the fourth too much.
         held[0].set(Doing::Releasing, at(500));
         held[1].set(Doing::Obeying, at(500));
@@ -141,7 +150,7 @@ mod tests {
         let mut order = Vec::new();
         let mut newer = Vec::new();
         for n in 0..MOST as u64 {
-            let place = places.enter(at(1000 + n));
+            let place = places.enter(None, at(1000 + n));
             // A motor's release is asked for by each that comes.
             place.set(Doing::Releasing, at(1000 + n));
             newer.push(place);
@@ -161,13 +170,30 @@ mod tests {
     }
 
     #[test]
+    fn who_has_not_been_heard_stays_where_one_process_fills_all_places_with_releases_without_end() {
+        let places = Rc::new(Places::new(MOST));
+        let now = Instant::now();
+        let (crowding, other) = (Some((1000, Some(1))), Some((1000, Some(2))));
+        let enter = || {
+            let place = places.enter(crowding, now);
+            place.set(Doing::Releasing, now);
+            place
+        };
+        let _held: Vec<Place> = (0..MOST).map(|_| enter()).collect();
+        let new = places.enter(other, now);
+        // Whose place is taken connects again.
+        let _again: Vec<Place> = (0..3 * MOST).map(|_| enter()).collect();
+        assert!(!has_to_go(&new));
+    }
+
+    #[test]
     fn who_leaves_gives_the_place_back_and_nobody_has_to_go() {
         let places = Rc::new(Places::new(MOST));
         let now = Instant::now();
-        let held: Vec<Place> = (0..MOST).map(|_| places.enter(now)).collect();
+        let held: Vec<Place> = (0..MOST).map(|_| places.enter(None, now)).collect();
         let mut held = held.into_iter();
         drop(held.next());
-        let new = places.enter(now);
+        let new = places.enter(None, now);
         assert!(!has_to_go(&new) && !held.any(|place| has_to_go(&place)));
     }
 }

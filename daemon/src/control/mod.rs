@@ -1,9 +1,9 @@
 //! The control sockets: one JSON request per line, one JSON reply per line.
 //!
 //! There are two: one that only tells, for everybody who may see images, and one for those who may change something.
-//! Neither can be occupied. A connection too many takes the place of the one that has been idle for longest, a client
-//! that asks without end is slowed, and a request to switch off a motor that there is has a pace of its own, which nobody needs
-//! more of, and gives up its place last.
+//! Neither can be occupied. A connection too many takes the place of the one that has been idle for longest, and where one
+//! process has most of them, of its own alone. A client that asks without end is slowed. A request to switch off a motor that
+//! there is has a pace of its own, which nobody needs more of, and gives up its place last.
 //!
 //! Who has gone before a request of theirs is begun does not have it carried out, since nobody would know of it; a motor is
 //! switched off all the same.
@@ -59,10 +59,11 @@ async fn serve(listener: UnixListener, state: Rc<State>, access: Access, places:
         match listener.accept().await {
             Ok((stream, _)) => {
                 failing = false;
-                let (state, place) = (state.clone(), places.enter(Instant::now()));
+                let asker = Asker::of(&stream, access);
+                let (state, place) = (state.clone(), places.enter(asker.user, Instant::now()));
                 tokio::task::spawn_local(async move {
                     // A client that goes away in the middle of a request is no news.
-                    let _ = attend(stream, &state, access, &place).await;
+                    let _ = attend(stream, &state, asker, &place).await;
                 });
                 // Those that wait to be accepted do not push out one that has not been heard.
                 yield_now().await;
@@ -84,8 +85,7 @@ async fn serve(listener: UnixListener, state: Rc<State>, access: Access, places:
 }
 
 /// Answers a client until it leaves, or has to.
-async fn attend(stream: UnixStream, state: &State, access: Access, place: &Place) -> std::io::Result<()> {
-    let asker = Asker::of(&stream, access);
+async fn attend(stream: UnixStream, state: &State, asker: Asker, place: &Place) -> std::io::Result<()> {
     let (read, write) = stream.into_split();
     let talk = Talk {
         hold: state.hold(asker),
@@ -110,7 +110,7 @@ async fn attend(stream: UnixStream, state: &State, access: Access, place: &Place
                 }
             },
             () = place.lost() => {
-                let why = "this connection was idle for longest and made room for another; connect again";
+                let why = "all places are taken, and this connection made room for another; connect again";
                 talk.take_leave(why.into());
                 return Ok(());
             }
