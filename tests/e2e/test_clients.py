@@ -12,7 +12,7 @@ import pytest
 import taxel_reader
 from conditioning import DAEMON_SETTINGS
 from harness.compare import Reference, assert_same
-from harness.daemon import HANGS_AFTER_S, ask, eventually, read_reply
+from harness.daemon import HANGS_AFTER_S, Programs, ask, eventually, read_reply
 from harness.lockstep import next_image
 from harness.touches import Touches, grasp
 from sequential_clustering import Profile
@@ -181,6 +181,23 @@ def test_who_wants_no_images_makes_room_for_a_display_and_who_is_turned_away_is_
         [said] = crowded(daemon.wait_status(crowded, "nothing is said of it"))
         assert f"process {os.getpid()} of user {os.getuid()} has 3" in said
         assert display.receive(HANGS_AFTER_S) is not None
+
+
+def test_the_process_with_most_readers_makes_room_for_a_display_of_another(start):
+    daemon = start(socket={"max_subscribers": 3})
+    with ExitStack() as stack:
+        readers = [stack.enter_context(taxel_reader.connect(daemon.images)) for _ in range(3)]
+        for reader in readers:
+            assert reader.receive(HANGS_AFTER_S).header.type == taxel_reader.HELLO
+        taxel = stack.enter_context(Programs())
+        watch = taxel("watch", "--count", 3, "--socket", daemon.images, stdout=subprocess.DEVNULL)
+        with pytest.raises(taxel_reader.Closed, match="made room"):
+            while True:
+                assert watch.poll() in (None, 0), "a display of another process is not let in"
+                assert readers[0].receive(HANGS_AFTER_S) is not None, "the oldest keeps its place"
+        assert watch.wait(HANGS_AFTER_S) == 0
+        for reader in readers[1:]:
+            assert reader.receive(HANGS_AFTER_S) is not None
 
 
 def test_a_slow_reader_is_given_the_newest_image_and_the_count_of_what_it_missed(start, lockstep, hand):

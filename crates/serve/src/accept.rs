@@ -60,7 +60,7 @@ async fn welcome<M: ProfileMaker>(socket: Socket, server: Rc<Server<M>>) {
     let uid = peer.map(|p| p.uid());
     let entry = Arc::new(Entry::new(pid, uid, server.profiles.own().id));
     let registry = &server.registry;
-    if !registry.make_room() {
+    if !registry.make_room(&entry) {
         let farewell = Farewell::TooMany(registry.len());
         registry.report_turned_away(entry.pid, &farewell);
         send_disconnect(&socket, &farewell, LAST_WORDS).await;
@@ -74,7 +74,7 @@ async fn welcome<M: ProfileMaker>(socket: Socket, server: Rc<Server<M>>) {
         Ok(mut subscriber) => {
             let farewell = subscriber.attend().await;
             match farewell {
-                Farewell::Nonsense(_) | Farewell::Insists(_) | Farewell::MadeRoom => {
+                Farewell::Nonsense(_) | Farewell::Insists(_) | Farewell::MadeRoom | Farewell::Crowds => {
                     send_disconnect(&subscriber.socket, &farewell, LAST_WORDS).await;
                 }
                 _ => {}

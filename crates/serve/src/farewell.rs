@@ -21,6 +21,8 @@ pub(crate) enum Farewell {
     TooMany(usize),
     #[error("all places are taken, and it wants no images: it made room for a display; connect again")]
     MadeRoom,
+    #[error("all places are taken, most of them by this process: the oldest made room for another's")]
+    Crowds,
 }
 
 /// Who leaves without having read all that was sent resets the connection: it has closed it all the same.

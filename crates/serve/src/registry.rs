@@ -1,6 +1,7 @@
 //! Who is connected.
 
 use crate::config::Limits;
+use crate::crowding::most_crowding;
 use crate::farewell::Farewell;
 use crate::log_lines::LogLines;
 use crate::sent::Sent;
@@ -85,6 +86,18 @@ impl Entry {
         self.wants_status.load(Relaxed)
     }
 
+    fn process(&self) -> (Option<u32>, Option<i32>) {
+        (self.uid, self.pid)
+    }
+
+    /// Why it makes room for another.
+    pub(crate) fn farewell(&self) -> Farewell {
+        match self.is_shown_anything() {
+            true => Farewell::Crowds,
+            false => Farewell::MadeRoom,
+        }
+    }
+
     /// Whether it is shown anything of the hand. Whoever has just come is, unless it says otherwise.
     fn is_shown_anything(&self) -> bool {
         self.wants_image.load(Relaxed) || self.wants_raw.load(Relaxed)
@@ -129,18 +142,25 @@ impl Registry {
         }
     }
 
-    /// Sees to a place for one more, and says whether there is one. Who is shown nothing of the hand loses its own for it,
-    /// the oldest first.
-    pub(crate) fn make_room(&self) -> bool {
+    /// Sees to a place for `new`, and says whether there is one. Who is shown nothing of the hand loses its own for it, the
+    /// oldest first; or else the oldest of the process that has most of them, where `new` is of one that has fewer.
+    pub(crate) fn make_room(&self, new: &Entry) -> bool {
         let mut entries = self.entries.borrow_mut();
         if entries.len() < self.max {
             return true;
         }
         let idle = entries.iter().position(|entry| !entry.is_shown_anything());
-        if let Some(idle) = idle {
-            entries.remove(idle).leave.notify_one();
+        let leaving = idle.or_else(|| {
+            let processes = || entries.iter().map(|entry| entry.process());
+            let (crowding, most) = most_crowding(self.max, processes())?;
+            let own = processes().filter(|process| *process == new.process()).count();
+            // Or each would push the other out in turn.
+            (own + 1 < most).then(|| processes().position(|process| process == crowding))?
+        });
+        if let Some(leaving) = leaving {
+            entries.remove(leaving).leave.notify_one();
         }
-        idle.is_some()
+        leaving.is_some()
     }
 
     /// Whether clients are turned away these days.
@@ -201,5 +221,71 @@ impl Registry {
     /// All of them.
     pub(crate) fn entries(&self) -> Vec<Arc<Entry>> {
         self.entries.borrow().clone()
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn registry(max_subscribers: usize) -> Registry {
+        let stall_ms = 1000;
+        Registry::new(Limits {
+            max_subscribers,
+            stall_ms,
+        })
+    }
+
+    /// Whether one of this process is let in.
+    fn enter(registry: &Registry, pid: i32) -> bool {
+        let entry = Arc::new(Entry::new(Some(pid), Some(1000), 0));
+        let has_room = registry.make_room(&entry);
+        if has_room {
+            registry.add(&entry);
+        }
+        has_room
+    }
+
+    fn places(registry: &Registry) -> Vec<i32> {
+        registry.entries().iter().filter_map(|entry| entry.pid).collect()
+    }
+
+    #[test]
+    fn the_process_with_most_readers_makes_room_for_one_that_has_fewer_until_both_have_as_many() {
+        let registry = registry(8);
+        assert!((0..7).all(|_| enter(&registry, 1)) && enter(&registry, 2));
+        let oldest = registry.entries()[0].clone();
+        assert!(!enter(&registry, 1), "it has most of them itself");
+        assert!(enter(&registry, 3));
+        assert!(!registry.entries().iter().any(|entry| Arc::ptr_eq(entry, &oldest)));
+        assert_eq!(places(&registry), [1, 1, 1, 1, 1, 1, 2, 3]);
+        assert!(matches!(oldest.farewell(), Farewell::Crowds));
+        assert!(enter(&registry, 2) && enter(&registry, 2));
+        assert_eq!(places(&registry), [1, 1, 1, 1, 2, 3, 2, 2]);
+        assert!(!enter(&registry, 2), "both would push each other out in turn");
+        assert!(enter(&registry, 3));
+        assert_eq!(places(&registry), [1, 1, 1, 2, 3, 2, 2, 3]);
+    }
+
+    #[test]
+    fn who_is_shown_nothing_makes_room_first_and_nobody_where_each_has_one() {
+        let registry = registry(8);
+        assert!((0..8).all(|_| enter(&registry, 1)));
+        let onlooker = registry.entries()[5].clone();
+        onlooker.set_wants(&taxel_wire::Subscribe {
+            image: false,
+            ..Default::default()
+        });
+        assert!(matches!(onlooker.farewell(), Farewell::MadeRoom));
+        assert!(enter(&registry, 2));
+        assert!(
+            !registry
+                .entries()
+                .iter()
+                .any(|entry| Arc::ptr_eq(entry, &onlooker))
+        );
+
+        let registry = self::registry(8);
+        assert!((0..8).all(|pid| enter(&registry, pid)) && !enter(&registry, 9));
     }
 }
