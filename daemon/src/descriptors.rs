@@ -2,11 +2,15 @@
 //!
 //! The sockets of those who ask and command have a share that no reader can take, since "torque off" comes by them.
 
+use crate::StartError;
 use crate::clients::MOST_CLIENTS;
 use nix::sys::resource::{Resource, getrlimit, setrlimit};
 
 /// Kept for what is opened later: threads, buses and ports that come back, a client that is turned away.
 const SPARE: usize = 32;
+
+/// Least that must be left when all threads run: for a reader, who commands, and what is opened for a moment.
+const LEAST: usize = 8;
 
 /// How many connections there may be.
 #[derive(Debug, PartialEq, Eq)]
@@ -30,9 +34,8 @@ impl Descriptors {
 
     /// Raises the limit to the highest that is allowed, and shares out what it leaves.
     pub(crate) fn take(subscribers: usize) -> Self {
-        let limit = raise_limit().try_into().unwrap_or(usize::MAX);
-        let in_use = std::fs::read_dir("/proc/self/fd").map_or(0, Iterator::count);
-        let shared = Self::share(limit, in_use, subscribers);
+        let limit = raise_limit();
+        let shared = Self::share(limit, in_use(limit), subscribers);
         if shared.subscribers < subscribers {
             tracing::warn!(
                 "[socket] max_subscribers = {subscribers}, but only {} will be let in: {limit} files may be open, and some \
@@ -44,14 +47,31 @@ impl Descriptors {
     }
 }
 
+/// Refuses to serve where so few are left, now that all threads run, that nobody could switch a motor off.
+pub(crate) fn check() -> Result<(), StartError> {
+    let limit = raise_limit();
+    let needed = in_use(limit).saturating_add(LEAST);
+    match needed <= limit {
+        true => Ok(()),
+        false => Err(StartError::TooFewFiles { limit, needed }),
+    }
+}
+
+fn in_use(limit: usize) -> usize {
+    match std::fs::read_dir("/proc/self/fd") {
+        Ok(open) => open.count(),
+        Err(error) if error.raw_os_error() == Some(nix::libc::EMFILE) => limit,
+        Err(_) => 0,
+    }
+}
+
 /// The limit is low by default for the sake of programs that use select(2).
-fn raise_limit() -> u64 {
+fn raise_limit() -> usize {
     // Where it cannot be told it is what POSIX grants.
     let (limit, most) = getrlimit(Resource::RLIMIT_NOFILE).unwrap_or((20, 20));
-    match setrlimit(Resource::RLIMIT_NOFILE, most, most) {
-        Ok(()) => most,
-        Err(_) => limit,
-    }
+    let raised = setrlimit(Resource::RLIMIT_NOFILE, most, most);
+    let limit = raised.map_or(limit, |()| most);
+    limit.try_into().unwrap_or(usize::MAX)
 }
 
 #[cfg(test)]

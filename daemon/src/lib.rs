@@ -154,6 +154,7 @@ impl Daemon {
                 Err(StartError::System { what: "serve", error })
             })?;
         }
+        descriptors::check()?;
         Ok(daemon)
     }
 

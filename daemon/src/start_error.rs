@@ -53,6 +53,17 @@ pub enum StartError {
         /// What is wrong.
         error: Box<StartError>,
     },
+    /// Nobody could connect.
+    #[error(
+        "only {limit} files may be open, and with fewer than {needed} nobody could tell taxeld to switch a motor off; \
+         LimitNOFILE= in the unit, or `ulimit -Hn`, allows more"
+    )]
+    TooFewFiles {
+        /// How many may be open.
+        limit: usize,
+        /// The least that there have to be.
+        needed: usize,
+    },
     /// The operating system refused something the daemon cannot do without.
     #[error("cannot {what}: {error}")]
     System {
@@ -68,7 +79,9 @@ impl StartError {
     pub fn is_lasting(&self) -> bool {
         match self {
             Self::SocketPath(error) => error.is_lasting(),
-            Self::JointsBeside(_) | Self::Engine(_) | Self::ProfileUnfit(_) => true,
+            Self::JointsBeside(_) | Self::Engine(_) | Self::ProfileUnfit(_) | Self::TooFewFiles { .. } => {
+                true
+            }
             Self::Source { is_lasting, .. } => *is_lasting,
             Self::At { error, .. } => error.is_lasting(),
             // A profile may be too dear only while the machine is busy.

@@ -65,6 +65,31 @@ def test_readers_of_images_and_who_only_asks_leave_descriptors_to_those_who_comm
         assert ("files may be open" in daemon.log) and "cannot accept" not in daemon.log, daemon.log
 
 
+def test_with_few_files_it_says_so_and_ends_or_a_motor_can_be_switched_off(folder):
+    servos = Servos("--ids", "1-16")
+    ended = []
+    for limit in (19, 20, 22, 24, 26, 28, 30, 32, 40):
+        daemon = Daemon(folder / f"{limit}", SCENE, tick=TICK, joints=dynamixel(servos.path, allow_writes=True))
+        with ExitStack() as stack:
+            stack.callback(daemon.kill)
+            daemon.spawn(["prlimit", f"--nofile={limit}"])
+            ready_or_over = lambda: daemon.process.poll() is not None or "ready" in daemon.log  # noqa: B023, E731
+            eventually(ready_or_over, "it does not start")
+            if daemon.process.poll() is not None:
+                ended.append((limit, daemon.process.returncode))
+                assert "files may be open" in daemon.log or "Too many open files" in daemon.log, daemon.log
+                continue
+            for _ in range(20):
+                reader = stack.enter_context(socket.socket(socket.AF_UNIX, socket.SOCK_SEQPACKET))
+                reader.settimeout(20)
+                reader.connect(str(daemon.images))
+                assert reader.recv(65536), "neither let in nor told why not"
+            for _ in range(3):
+                assert servo(daemon, "joint 5", "--torque", "off") == (0, ""), f"{limit}: {daemon.log}"
+    servos.close()
+    assert (24, 78) in ended and 40 not in dict(ended), ended
+
+
 def test_a_client_that_asks_without_end_is_slowed_and_the_others_are_not(daemon):
     request = b'{"cmd":"profile"}\n'  # all the answers fit into a socket that nobody reads
     with connect(daemon.control_path) as flood, connect(daemon.control_path) as other:
