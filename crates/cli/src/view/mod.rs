@@ -75,7 +75,7 @@ pub(crate) struct Args {
     #[arg(long, value_name = "FILE")]
     svg: Option<PathBuf>,
     /// Do not draw; print one JSON object in the end
-    #[arg(long, conflicts_with = "svg")]
+    #[arg(long, conflicts_with_all = ["svg", "size"])]
     json: bool,
     /// With --svg: columns and rows of that picture
     #[arg(long, value_name = "WxH", default_value = "120x40", value_parser = size, requires = "svg")]

@@ -144,7 +144,6 @@ fn steps_are_found_beside_an_offset_and_after_rounding() {
         (12.5, 0.0),
         (65_535.0 / 4_095.0, 0.0),
         (65_535.0 / 1_023.0, 3.0),
-        (257.0, 0.0),
     ] {
         for noise in [0.15, 0.4] {
             let mut hand = Stepped::new(vec![[step; 3]; 32], noise);
