@@ -244,7 +244,7 @@ def test_nothing_is_written_unless_the_configuration_says_so(folder):
 
 def test_torque_and_pwm_are_written_on_request_with_the_watchdog_armed(folder):
     servos = Servos("--ids", "1-16")
-    joints = dynamixel(servos.path, **WRITING)
+    joints = dynamixel(servos.path, **WRITING | {"answer_margin_ms": 150.0})
     joints["servo"][5]["direction"] = -1
     with Daemon(folder / "d", SCENE, tick=TICK, joints=joints) as daemon, Watch(daemon) as watch:
         watch.until(all_known, "not every angle became known")
