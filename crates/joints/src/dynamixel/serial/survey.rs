@@ -14,8 +14,9 @@ const PING_ANSWER_BYTES: usize = 14;
 /// How long one servo may take to answer a ping beyond its time on the wire; an FTDI adapter's
 /// timer is 16 ms.
 const PING_MARGIN_NS: u64 = 40_000_000;
-/// The same for a read, of which only servos are asked that answered a ping: longer, for a busy machine.
-const READ_MARGIN_NS: u64 = 100_000_000;
+/// The same for a read, of which only servos are asked that answered a ping: longer, for a busy machine, as whoever reads
+/// joints may be told to wait.
+const READ_MARGIN_NS: u64 = 500_000_000;
 /// How often a question is repeated.
 const TRIES: usize = 3;
 
