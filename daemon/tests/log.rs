@@ -124,6 +124,16 @@ fn a_daemon_out_of_file_descriptors_says_so_once() {
     let log = std::fs::File::create(&path).unwrap();
     let mut daemon = start(folder.path(), log.into());
     let mut stays = served(&mut daemon, folder.path());
+    let lines = |of: &str| std::fs::read_to_string(&path).unwrap().matches(of).count();
+    let wait_for = |line: &str| {
+        let deadline = Instant::now() + PATIENCE;
+        while lines(line) == 0 {
+            assert!(Instant::now() < deadline, "it does not say {line:?}");
+            std::thread::sleep(Duration::from_millis(10));
+        }
+    };
+    // Until it is ready it raises its limit.
+    wait_for("ready");
     // It lets in only as many as there are descriptors for, so some are taken from it.
     let limit_files = |pid: u32, soft: &str| {
         let pid = pid.to_string();
@@ -140,20 +150,13 @@ fn a_daemon_out_of_file_descriptors_says_so_once() {
         .unwrap();
     limit_files(pid, "8");
     let connected: Vec<_> = (0..40).map(|_| connect(&mut daemon, folder.path())).collect();
-    let complaints = || {
-        let log = std::fs::read_to_string(&path).unwrap();
-        log.matches("cannot accept a subscriber").count()
-    };
-    let deadline = Instant::now() + PATIENCE;
-    while complaints() == 0 {
-        assert!(Instant::now() < deadline, "all were accepted");
-        std::thread::sleep(Duration::from_millis(10));
-    }
+    let complaint = "cannot accept a subscriber";
+    wait_for(complaint);
     // It tries again ten times a second; these take two.
     for _ in 0..60 {
         stays.next_image().unwrap();
     }
-    assert_eq!(complaints(), 1);
+    assert_eq!(lines(complaint), 1);
     drop(connected);
     // And it goes on when there are some.
     limit_files(pid, before.split_whitespace().next().unwrap());
