@@ -18,9 +18,9 @@ NEVER = 1 << 32
 SIGMAS_PER_MAD = 1.4826
 WINDOW_NS, LEAST_FRAMES = 300 * MS, 10
 OUTLIER_SIGMAS = 5.0
-STEPS, STEP_CHANGES, STEP_WITNESSES = range(4, 1025), 3, 2
+STEPS, STEP_REVERSALS, STEP_WITNESSES = range(4, 1025), 4, 2
 STEP_ON_ALL_AXES = 1.75
-MOVED_PEAKS, MOVED_LEAST, MOVED_SAMPLES = 2.5, 4, 16
+MOVED_PEAKS, MOVED_LEAST, MOVED_SAMPLES, MOVED_LEFT_OUT = 2.0, 4, 16, 0.1
 TOUCH_COUNTS, TOUCH_SIGMAS = 60.0, 4.0
 NOISE_SIGMAS, NOISE_FLOOR = 8.0, 150.0
 MARGIN, RELEASE, LEAST_THRESHOLD = 1.5, 0.8, 10.0
@@ -48,15 +48,20 @@ def upper_spread(values):
 def steps_of(samples):
     """The steps (N, 3) that the counts of (T, N, 3) samples go in; 1 where none is found.
 
-    An axis that changes at least three times shows its least change as a step. A step is found that two axes of the hand
+    An axis that changes at least four times against its change before shows its least change as a step. A step is found that two axes of the hand
     show, or one where there are fewer than three taxels; those that change in the same samples, by the sum of their numbers
     modulo 64, count once, and one that is shorter by one is the same, rounded. An axis has the longest one that is no longer
     than its least change and one.
     """
-    changes = np.abs(np.diff(np.asarray(samples, dtype=np.int64), axis=0))
+    signed = np.diff(np.asarray(samples, dtype=np.int64), axis=0)
+    changes = np.abs(signed)
     least = np.where(changes > 0, changes, NEVER).min(axis=0, initial=NEVER)
     times = np.einsum("t,tna->na", np.arange(1, len(samples)), changes > 0) % 64
-    shows = (np.sum(changes > 0, axis=0) >= STEP_CHANGES) & np.isin(least, STEPS)
+    reversals = np.empty(least.shape, dtype=np.int64)
+    for axis in np.ndindex(least.shape):
+        changed = signed[(slice(None), *axis)]
+        reversals[axis] = np.count_nonzero(np.diff(np.sign(changed[changed != 0])))
+    shows = (reversals >= STEP_REVERSALS) & np.isin(least, STEPS)
     shown = set(zip(least[shows], times[shows]))
     witnesses = 1 if len(least) < 3 else STEP_WITNESSES
     steps = np.ones_like(least)
@@ -75,19 +80,30 @@ def usual(samples, step):
     return kept, baseline, float(magnitude(samples[kept], baseline).max(initial=0.0))
 
 
-def rest_in_the_quietest_half(rest):
-    """Where half the taxels leave the half of the window in which most are quietest: takes that; says whether it is so."""
+def rest_in_the_quieter_half(rest):
+    """Where the hand moves in one half of the window: takes the quieter one; says whether it is so."""
     of = lambda value: upper_spread(np.array([value(r) for r in rest]))[0]
     if not rest or not rest[0].halves:
         return False
-    half = min(range(3), key=lambda h: of(lambda r: r.halves[h][1]))
-    least = lambda r: max(r.halves[half][1], r.step, MOVED_LEAST)
-    if of(lambda r: r.halves[half][2]) <= MOVED_PEAKS * of(least):
+    unrest = lambda h: (of(lambda r: r.halves[h].left_out) > MOVED_LEFT_OUT, of(lambda r: r.halves[h].peak))
+    half = min(range(2), key=unrest)
+    least = lambda r: max(r.halves[half].peak, r.step, MOVED_LEAST)
+    if of(lambda r: r.peak) <= MOVED_PEAKS * of(least):
         return False
     for r in rest:
-        r.touched |= bool(r.halves[half][2] > MOVED_PEAKS * least(r))
-        r.baseline, r.peak, _ = r.halves[half]
+        r.touched |= bool(r.halves[half].strongest > MOVED_PEAKS * least(r))
+        r.baseline, r.peak = r.halves[half].baseline, r.halves[half].peak
     return True
+
+
+class Half:
+    """What half `h` of (T, 3) samples says, the first or the last, and the strongest of all by it."""
+
+    def __init__(self, samples, h, step):
+        n = len(samples)
+        kept, self.baseline, self.peak = usual(samples[h * n // 2 : (h + 1) * n // 2], step)
+        self.left_out = 1.0 - np.mean(kept)
+        self.strongest = magnitude(samples, self.baseline).max()
 
 
 class Rest:
@@ -104,9 +120,7 @@ class Rest:
         variance = np.sum(steps * steps / 2.0, axis=0) / max(1, len(steps))
         self.noise = math.sqrt(variance[0] + variance[1] + variance[2])
         n = len(samples)
-        # Baseline, peak, and the strongest sample of the window, by each half.
-        halves = [usual(samples[h * n // 4 : (h + 2) * n // 4], step)[1:] for h in range(3) if n >= MOVED_SAMPLES]
-        self.halves = [(b, peak, magnitude(samples, b).max()) for b, peak in halves]
+        self.halves = [Half(samples, h, step) for h in range(2) if n >= MOVED_SAMPLES]
         quarters = [np.median(samples[q * n // 4 : (q + 1) * n // 4], axis=0) for q in range(4 if n >= 8 else 1)]
         shift = np.max(quarters, axis=0) - np.min(quarters, axis=0)
         self.touched = bool(np.any(shift > np.maximum(TOUCH_COUNTS, TOUCH_SIGMAS * np.sqrt(variance))))
@@ -153,10 +167,12 @@ class RobustConditioner:
         usable = alive & ~self.stuck
         noise = np.array([r.noise for r in rest])
         median, sigma = upper_spread(noise[usable])
-        noisy = noise > max(median + NOISE_SIGMAS * sigma, NOISE_FLOOR)
+        # Noise on the edge of a step is as large as the step.
+        floor = max([NOISE_FLOOR, *(STEP_ON_ALL_AXES * r.step for r, u in zip(rest, usable) if u)])
+        noisy = noise > max(median + NOISE_SIGMAS * sigma, floor)
         # There is no way back from these here: the tests' frames have none.
         self.faulty = ~alive | noisy
-        moved = rest_in_the_quietest_half([r for r, a in zip(rest, alive) if a])
+        moved = rest_in_the_quieter_half([r for r, a in zip(rest, alive) if a])
         self.baseline = np.array([r.baseline for r in rest])
         self.rested_at = self.baseline.copy()
         healthy = usable & ~noisy

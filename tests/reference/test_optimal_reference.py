@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from exact_levels import Forces, optimal_levels
 from following_actuators import Follower, neighbour_distance
-from robust_conditioning import MS, Rest, RobustConditioner, rest_in_the_quietest_half, steps_of, upper_spread
+from robust_conditioning import MS, Rest, RobustConditioner, rest_in_the_quieter_half, steps_of, upper_spread
 
 
 def test_the_levels_are_the_means_of_the_cut_with_the_least_error():
@@ -108,23 +108,30 @@ def test_an_outlier_moves_neither_baseline_nor_noise():
     assert not clean.touched and not clean.constant
 
 
-def test_a_step_is_the_least_change_of_two_axes_that_change_three_times_at_times_of_their_own():
-    taxels = [[165, 181, 165, 181, 165], [325, 309, 325, 325, 309], [640, 672, 640, 640, 640], [7] * 5, [160, 176, 177, 177, 177]]
-    of = lambda *taxels: steps_of(np.array(taxels).T[..., None] * [0, 0, 1])[:, 2].tolist()
+def test_a_step_is_the_least_change_of_two_axes_that_go_up_and_down_at_times_of_their_own():
+    of = lambda *taxels: steps_of(np.array(taxels)[:, :, None].transpose(1, 0, 2))[:, 0].tolist()
+    taxels = [
+        [165, 181, 165, 181, 165, 181, 181],
+        [325, 309, 325, 325, 309, 325, 309],
+        [640, 672, 640, 640, 672, 640, 640],
+        [7] * 7,
+        [160, 176, 177, 177, 177, 177, 177],
+    ]
     assert of(*taxels) == [16, 16, 16, 1, 1]
-    # At the same times; once and back; hardly any taxels; rounded.
+    # At the same times; twice and back; in one direction; hardly any taxels; rounded.
     assert of(taxels[0], taxels[0], taxels[3]) == [1, 1, 1]
     assert of(taxels[0], taxels[2], taxels[3]) == [1, 1, 1]
+    assert of(taxels[0], [160, 176, 192, 208, 224, 208, 192], taxels[3]) == [1, 1, 1]
     assert of(taxels[0], taxels[3]) == [16, 1] and of(taxels[2]) == [1]
-    assert of([38, 50, 38, 50, 50], [125, 112, 125, 125, 112], taxels[3]) == [13, 13, 1]
+    assert of([38, 50, 38, 50, 50, 38, 50], [125, 112, 125, 125, 112, 125, 112], taxels[3]) == [13, 13, 1]
 
 
-def test_a_hand_that_moves_rests_as_in_its_quietest_half():
+def test_a_hand_that_moves_rests_as_in_its_quieter_half():
     still = [[[100 + i % 2, 200, 300 + n] for n in range(4)] for i in range(24)]
-    moved = [[[100 + i % 2, 200, 300 + n + 3 * max(0, i - 16)] for n in range(4)] for i in range(24)]
+    moved = [[[100 + i % 2, 200, 300 + n + 6 * max(0, i - 11)] for n in range(4)] for i in range(24)]
     for frames, moves in ((still, False), (moved, True)):
         rest = [Rest(samples) for samples in np.array(frames).transpose(1, 0, 2)]
-        assert rest_in_the_quietest_half(rest) == moves
+        assert rest_in_the_quieter_half(rest) == moves
         assert [r.touched for r in rest] == [moves] * 4
         assert [r.baseline.tolist() for r in rest] == [[100.5, 200, 300 + n] for n in range(4)]
         assert [r.peak for r in rest] == [0.5] * 4

@@ -34,6 +34,8 @@ pub(super) struct Rest {
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub(super) struct Half {
     pub(super) rest: Rest,
+    /// Its outliers, a share of its samples.
+    pub(super) left_out: f64,
     /// Largest magnitude above its baseline in the whole of the window, outliers too.
     pub(super) strongest: f64,
 }
@@ -42,8 +44,8 @@ pub(super) struct Half {
 #[derive(Debug, Default, Clone, Copy, PartialEq)]
 pub(super) struct TaxelIdle {
     pub(super) rest: Rest,
-    /// The first half of the window, that in the middle and the last; none of a few samples.
-    pub(super) halves: [Option<Half>; 3],
+    /// The first half of the window, and the last; none of a few samples.
+    pub(super) halves: [Option<Half>; 2],
     /// The longest step of its axes, counts.
     pub(super) step: u32,
     /// Root of the summed variances of the axes from sample to sample, counts; slow motion does not raise it.
@@ -193,11 +195,15 @@ impl Windows {
             .enumerate()
             .filter(|_| kept >= 2 * TOUCH_SAMPLES)
         {
-            let part = &samples[i * kept / 4..(i + 2) * kept / 4];
-            let rest = Usual::of(part, steps, outlier_sigmas, &mut self.scratch).rest(part, baseline, mode);
+            let part = &samples[i * kept / 2..(i + 1) * kept / 2];
+            let usual = Usual::of(part, steps, outlier_sigmas, &mut self.scratch);
+            let rest = usual.rest(part, baseline, mode);
             let from = baseline.unwrap_or(rest.baseline);
-            let strongest = samples.iter().map(|s| mode.of(*s, from)).fold(0.0, f64::max);
-            *half = Some(Half { rest, strongest });
+            *half = Some(Half {
+                rest,
+                left_out: part.iter().filter(|s| !usual.keeps(s)).count() as f64 / part.len() as f64,
+                strongest: samples.iter().map(|s| mode.of(*s, from)).fold(0.0, f64::max),
+            });
         }
         Some(idle)
     }

@@ -308,7 +308,7 @@ impl Conditioner {
         }
         if self.config.threshold == ThresholdSource::Window && self.config.baseline == BaselineSource::Window
         {
-            self.rest_in_the_quietest_half();
+            self.rest_in_the_quieter_half();
         }
         if self.config.threshold == ThresholdSource::FirstPair {
             let pair = &self.calibration.pair;

@@ -156,7 +156,7 @@ impl From<ConditionSettings> for ConditionConfig {
 #[derive(Debug, Default, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename_all = "snake_case")]
 pub enum BaselineSource {
-    /// Mean over the calibration window, or over its quietest half where most of the hand moves outside of that, outliers left out.
+    /// Mean over the calibration window, or over its quieter half where the hand moves outside of that, outliers left out.
     #[default]
     Window,
     /// The first complete frame, `rho_0`, as the publication has it.

@@ -1,28 +1,38 @@
-//! A hand that moves, or is touched on most of its taxels, in a part of the calibration window rests as in its quietest half.
+//! A hand that begins to move within the calibration window, or comes to rest, rests as in the quieter half of it.
 //!
 //! What a clean touch changes is an outlier, or a level that is left out. Movement that begins slowly is neither: the
 //! samples widen the spread that they are judged by, and are noise in the end.
 
 use super::Conditioner;
-use super::baseline::{Half, robust_spread};
+use super::baseline::{Half, TaxelIdle, robust_spread};
 
-/// A taxel that goes further from its rest than this many times the largest idle magnitude of the quietest half has moved.
-const MOVED_PEAKS: f64 = 2.5;
+/// A hand moves whose largest idle magnitude is more than this many times that of the quieter half.
+const MOVED_PEAKS: f64 = 2.0;
 /// ... which is not taken to be less than this, counts: 2.5 times it are the least threshold.
 const LEAST_PEAK_COUNTS: u32 = 4;
+/// A half of which more is left out is no rest, however quiet what is left: it may be the lesser part that is at rest.
+const LEFT_OUT: f64 = 0.1;
+
+/// How little the hand rests in a half.
+struct Unrest {
+    is_left_out: bool,
+    peak: f64,
+}
 
 impl Conditioner {
-    /// Takes the rest of all taxels from the half in which the hand is quietest, if at least every second one moves
-    /// outside of it.
-    pub(super) fn rest_in_the_quietest_half(&mut self) {
-        let quietest = (0..3).filter_map(|half| Some((half, self.median(half, |half, _| half.rest.peak)?)));
-        let Some((half, _)) = quietest.min_by(|a, b| a.1.total_cmp(&b.1)) else {
+    /// Takes the rest of all taxels from the half in which the hand is quieter, if it moves in the other.
+    pub(super) fn rest_in_the_quieter_half(&mut self) {
+        let halves = (0..2).filter_map(|half| Some((half, self.unrest(half)?)));
+        let by_unrest = |a: &(usize, Unrest), b: &(usize, Unrest)| {
+            (a.1.is_left_out.cmp(&b.1.is_left_out)).then(a.1.peak.total_cmp(&b.1.peak))
+        };
+        let Some((half, _)) = halves.min_by(by_unrest) else {
             return;
         };
-        let strongest = self.median(half, |half, _| half.strongest);
-        let least = self.median(half, |half, step| half.rest.peak.max(step));
+        let moved = self.median(half, |_, idle, _| idle.rest.peak);
+        let quiet = self.median(half, |half, _, least| half.rest.peak.max(least));
         let times = self.in_unit_of_force(MOVED_PEAKS);
-        if strongest <= least.map(|peak| times * peak) {
+        if moved <= quiet.map(|peak| times * peak) {
             return;
         }
         self.calibration.report.moved = true;
@@ -36,16 +46,23 @@ impl Conditioner {
         }
     }
 
-    /// The median over the taxels in use of what half a window says, and the least idle magnitude; `None` where no taxel
-    /// has enough samples.
-    fn median(&mut self, half: usize, of: impl Fn(&Half, f64) -> f64) -> Option<f64> {
+    fn unrest(&mut self, half: usize) -> Option<Unrest> {
+        Some(Unrest {
+            is_left_out: self.median(half, |half, _, _| half.left_out)? > LEFT_OUT,
+            peak: self.median(half, |half, _, _| half.rest.peak)?,
+        })
+    }
+
+    /// The median over the taxels in use of what half a window says, the window, and the least idle magnitude; `None`
+    /// where no taxel has enough samples.
+    fn median(&mut self, half: usize, of: impl Fn(&Half, &TaxelIdle, f64) -> f64) -> Option<f64> {
         let mut values = std::mem::take(&mut self.calibration.scratch);
         values.clear();
         let used = (0..self.baseline.len())
             .filter(|n| self.taxels[*n].has_baseline && self.taxels[*n].standing.is_empty());
         values.extend(used.filter_map(|n| {
-            let half = self.calibration.idle[n].halves[half].as_ref()?;
-            Some(of(half, self.least_peak(n)))
+            let idle = &self.calibration.idle[n];
+            Some(of(idle.halves[half].as_ref()?, idle, self.least_peak(n)))
         }));
         let median = (!values.is_empty()).then(|| robust_spread(&mut values).0);
         self.calibration.scratch = values;

@@ -14,7 +14,7 @@ pub struct CalibrationReport {
     /// Taxels whose level moved during the window, as under a touch: their baseline is doubtful;
     /// re-zero untouched.
     pub touched: u32,
-    /// Whether the hand, most of its taxels, moved during the window: baseline and threshold are those of its quietest half.
+    /// Whether the hand moved during the window: baseline and threshold are those of its quieter half.
     pub moved: bool,
     /// Taxels without a baseline, which will find their own once they speak.
     pub without_baseline: u32,

@@ -5,8 +5,9 @@
 const LEAST: u32 = 4;
 /// Longest step that is looked for, counts.
 const MOST: u32 = 1024;
-/// Fewest changes of an axis that shows a step: a lone touch or glitch makes two.
-const CHANGES: u32 = 3;
+/// How often an axis that shows a step has changed against the change before, at least: noise on the edge of a step does so
+/// at every change, a touch or a glitch once, two of them three times.
+const REVERSALS: u32 = 4;
 /// Fewest axes that show a step, each at times of its own; one is enough where there are fewer than three taxels.
 const WITNESSES: u32 = 2;
 
@@ -15,7 +16,8 @@ const WITNESSES: u32 = 2;
 pub(super) struct AxisSteps {
     /// Least change from one sample to the next, 0 where there was none.
     least: u32,
-    changes: u32,
+    reversals: u32,
+    rises: bool,
     /// Sum of the numbers of the samples that changed: the same where several axes changed at once only.
     times: u32,
 }
@@ -26,12 +28,12 @@ impl AxisSteps {
     pub(super) fn take(&mut self, count: i32, last: i32, number: u32) {
         let change = count.abs_diff(last);
         if change > 0 {
-            self.least = if self.changes > 0 {
-                self.least.min(change)
-            } else {
-                change
-            };
-            self.changes = self.changes.saturating_add(1);
+            let (is_first, rises) = (self.least == 0, count > last);
+            self.least = if is_first { change } else { self.least.min(change) };
+            self.reversals = self
+                .reversals
+                .saturating_add((!is_first && rises != self.rises).into());
+            self.rises = rises;
             self.times = self.times.wrapping_add(number);
         }
     }
@@ -58,7 +60,7 @@ impl HandSteps {
     pub(super) fn find<'a>(&mut self, taxels: impl Iterator<Item = &'a [AxisSteps; 3]>) {
         self.shown.fill(0);
         for axis in taxels.flatten() {
-            if axis.changes >= CHANGES && (LEAST..=MOST).contains(&axis.least) {
+            if axis.reversals >= REVERSALS && (LEAST..=MOST).contains(&axis.least) {
                 self.shown[axis.least as usize] |= 1 << (axis.times % 64);
             }
         }
@@ -95,15 +97,22 @@ mod tests {
 
     #[test]
     fn two_axes_show_a_step_at_two_times() {
-        let (a, b, c): (&[i32], &[i32], &[i32]) =
-            (&[165, 181, 165, 181], &[325, 309, 325, 325, 309], &[7, 7, 7]);
+        let (a, b, c): (&[i32], &[i32], &[i32]) = (
+            &[165, 181, 165, 181, 165, 181],
+            &[325, 309, 325, 325, 309, 325, 309],
+            &[7, 7, 7],
+        );
         assert_eq!(steps_of([a, b, c]), [16, 16, 1]);
-        // At the same times, or once and back.
+        // At the same times, twice and back, or in one direction.
         assert_eq!(steps_of([a, a, c]), [1; 3]);
-        assert_eq!(steps_of([a, &[320, 336, 320, 320], c]), [1; 3]);
-        // One is enough where there are hardly any, if not for once and back.
+        assert_eq!(steps_of([a, &[320, 336, 320, 320, 336, 320], c]), [1; 3]);
+        assert_eq!(
+            steps_of([a, &[160, 176, 192, 208, 224, 208, 192, 176], c]),
+            [1; 3]
+        );
+        // One is enough where there are hardly any, if not for twice and back.
         assert_eq!(steps_of([a, c]), [16, 1]);
-        assert_eq!(steps_of([&[160, 176, 160, 160]]), [1]);
+        assert_eq!(steps_of([&[160, 176, 160, 160, 176, 160]]), [1]);
         // What goes by several steps has that of the others too; what is finer does not.
         assert_eq!(
             steps_of([a, b, &[640, 672, 640], &[160, 176, 177], &[-16, 0]]),
@@ -113,11 +122,11 @@ mod tests {
 
     #[test]
     fn rounding_makes_a_step_longer_or_shorter_by_one() {
-        let scaled = |k: [i32; 5]| k.map(|k| (f64::from(k) * 12.5).round() as i32);
+        let scaled = |k: [i32; 7]| k.map(|k| (f64::from(k) * 12.5).round() as i32);
         let taxels = [
-            scaled([3, 4, 3, 4, 4]),
-            scaled([10, 9, 10, 10, 9]),
-            scaled([8, 9, 8, 9, 8]),
+            scaled([3, 4, 3, 4, 4, 3, 4]),
+            scaled([10, 9, 10, 10, 9, 10, 9]),
+            scaled([8, 9, 8, 9, 8, 9, 9]),
         ];
         assert_eq!(steps_of([&taxels[0], &taxels[1], &taxels[2]]), [13; 3]);
     }
@@ -125,8 +134,8 @@ mod tests {
     #[test]
     fn what_is_out_of_range_is_no_step() {
         for (by, found) in [(3, 1), (4, 4), (200, 200), (1024, 1024), (1025, 1), (65_535, 1)] {
-            let taxels = [[0, by, 0, by], [by, 0, 0, by], [0, by, by, by]];
-            let steps = steps_of([&taxels[0], &[by, 0, by, by, 0], &taxels[2]]);
+            let taxels = [[0, by, 0, by, 0, by], [0, by, by, by, by, by]];
+            let steps = steps_of([&taxels[0], &[by, 0, by, by, 0, by, 0], &taxels[1]]);
             assert_eq!(steps, [found; 3], "{by}");
         }
     }

@@ -61,6 +61,36 @@ fn a_hand_that_begins_to_move_while_it_is_calibrated_rests_as_before() {
 }
 
 #[test]
+fn what_a_clean_touch_changes_while_it_is_calibrated_is_left_out() {
+    // Which taxels, by how many counts, from when to when.
+    for (taxels, by, begin_s, end_s) in [
+        (16, 200.0, 0.0, 0.4),
+        (16, 200.0, 0.5, 1.0),
+        (16, 1_000.0, 1.0, 1.5),
+        (9, 200.0, 1.0, 1.5),
+        (16, 1_000.0, 0.9, 1.5),
+        // Glitches: a first frame before the sensors measure, and one later.
+        (16, -4_000.0, 0.0, 0.01),
+        (16, 180.0, 0.7, 0.72),
+    ] {
+        let case = format!("{taxels} taxels by {by} counts from {begin_s} to {end_s} s");
+        let mut hand = calibrated(|n, t| match n < taxels && (begin_s..end_s).contains(&t) {
+            true => by,
+            false => 0.0,
+        });
+        assert!(!hand.conditioner.report().unwrap().moved, "{case}");
+        for (n, [.., z]) in hand.conditioner.baseline().iter().enumerate() {
+            let off = z - f64::from(hand.truth[n][2]);
+            assert!(off.abs() < 5.0, "{case}: taxel {n} rests {off} counts off");
+        }
+        for _ in 0..60 {
+            hand.step_with(|_| {});
+            assert_eq!(hand.out.contacts(), 0, "{case}");
+        }
+    }
+}
+
+#[test]
 fn a_hand_that_sways_all_the_time_while_it_is_calibrated_feels_nothing_when_it_sways_on() {
     let sway = |t: f64| 30.0 * (12.0 * t).sin();
     let mut hand = calibrated(|_, t| sway(t));

@@ -231,6 +231,29 @@ fn what_a_hand_without_noise_feels_while_it_is_calibrated_is_no_step_of_its_coun
 }
 
 #[test]
+fn a_touch_that_rolls_over_a_hand_without_noise_shows_no_step() {
+    // Up to five times as much and down again; or up at once, and soon again.
+    let rises = |since: i32| 20 * (5 - (since - 5).abs()).clamp(0, 5);
+    let taps = |since: i32| 100 * i32::from(matches!(since, 1..=3 | 6..=8));
+    for (case, force) in [("rises", &rises as &dyn Fn(i32) -> i32), ("taps", &taps)] {
+        for taxels in [1, 2, 16] {
+            let mut hand = Skin::new(taxels, RATE_HZ, ConditionConfig::robust());
+            hand.noise.fill([0; 3]);
+            let mut i = 0;
+            while hand.conditioner.is_calibrating() {
+                hand.step_with(|frame| {
+                    for (n, counts) in frame.counts.iter_mut().enumerate() {
+                        counts[2] += force(i - 3 - 2 * n as i32) as u16;
+                    }
+                });
+                i += 1;
+            }
+            assert_eq!(hand.conditioner.threshold(), 10.0, "{case} on {taxels} taxels");
+        }
+    }
+}
+
+#[test]
 fn taxels_at_rest_at_0_that_are_brushed_over_show_no_step() {
     let mut hand = Stepped::new(vec![[0.0; 3]; 160], 0.0);
     let mut brush = 0;
