@@ -2,6 +2,7 @@
 
 use hdrhistogram::Histogram;
 use taxel_can::{LinkState, SourceCounters};
+use taxel_engine::Frames;
 use taxel_hand::{Fault, ForceFrame};
 use taxel_joints::JointsSnapshot;
 use taxel_skin::{BoardStatus, BusCounters, BusLoad, ConditionCounters, Finding};
@@ -47,6 +48,8 @@ pub(crate) struct Snapshot {
     pub(crate) faulty: usize,
     /// What conditioning made of their counts.
     pub(crate) conditioning: ConditionCounters,
+    /// Whether the hand moved while it was calibrated.
+    pub(crate) moved: bool,
     /// Whether images are paused.
     pub(crate) paused: bool,
     /// Joint angles, and what each joint has delivered.
@@ -95,6 +98,7 @@ impl Snapshot {
             missing: 0,
             faulty: 0,
             conditioning: ConditionCounters::default(),
+            moved: false,
             paused: false,
             joints: JointsSnapshot::new(joints),
             joints_source: SourceCounters::default(),
@@ -109,8 +113,9 @@ impl Snapshot {
     }
 
     /// Copies what the hand felt, and counts it.
-    pub(crate) fn take_force(&mut self, felt: &ForceFrame) {
-        let force = &mut self.force;
+    pub(crate) fn take_felt(&mut self, felt: &Frames) {
+        self.moved = felt.moved;
+        let (felt, force) = (&felt.force, &mut self.force);
         force.seq = felt.seq;
         force.t_ns = felt.t_ns;
         force.threshold = felt.threshold;

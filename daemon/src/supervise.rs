@@ -128,7 +128,7 @@ fn report_changes(state: &State, before: Option<&Snapshot>, now: &Snapshot, told
         tracing::warn!("{line}");
     }
     let of_before = before.map(|before| &before.force);
-    if let Some(event) = calibration_event(of_before, &now.force) {
+    if let Some(event) = calibration_event(of_before, &now.force, now.moved) {
         told.baselines.say(&event.message, at);
         state.server.announce(event);
     }
@@ -210,7 +210,7 @@ fn report_out_of_use(state: &State, now: &Snapshot, out_of_use: &mut OutOfUse, a
 
 /// What is told where the baseline begins to be measured, or is. Every hand begins with that, and it may be over when it
 /// is looked at first: `paper` measures two frames.
-fn calibration_event(before: Option<&ForceFrame>, now: &ForceFrame) -> Option<Event> {
+fn calibration_event(before: Option<&ForceFrame>, now: &ForceFrame, moved: bool) -> Option<Event> {
     let was_calibrating = before.is_none_or(|before| before.calibrating);
     match now.calibrating {
         now if now == was_calibrating => None,
@@ -222,6 +222,10 @@ fn calibration_event(before: Option<&ForceFrame>, now: &ForceFrame) -> Option<Ev
             let mut text = format!("baseline measured, contact threshold {:.1}", now.threshold);
             if now.threshold == 0.0 {
                 text += &format!(": {ANY_CHANGE_IS_CONTACT}");
+            }
+            if moved {
+                text += "; the hand moved meanwhile, and rests as in the quieter half of that time: `taxel rezero` measures \
+                         it again";
             }
             Some(Event::new(EventKind::Calibrated, text))
         }
@@ -347,7 +351,7 @@ mod tests {
             (Some(&measured), &measured, None),
             (Some(&measured), &measuring, Some("measuring the baseline")),
         ] {
-            let told = calibration_event(before, now).map(|event| event.message);
+            let told = calibration_event(before, now, false).map(|event| event.message);
             let is_wanted = wanted.map_or(told.is_none(), |wanted| {
                 told.as_deref().is_some_and(|told| told.starts_with(wanted))
             });

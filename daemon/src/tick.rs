@@ -348,7 +348,7 @@ impl TickThread {
             *board = engine.board(module as u16);
         }
         let frames = engine.frames();
-        snapshot.take_force(&frames.force);
+        snapshot.take_felt(frames);
         for (taxel, unchanging) in snapshot.unchanging.iter_mut().enumerate() {
             *unchanging = engine.conditioner().is_unchanging(taxel);
         }

@@ -32,6 +32,8 @@ pub struct Measured<'a> {
     pub tactile: &'a TactileFrame,
     /// Baseline of each taxel, counts x, y, z; not a number where it has none.
     pub baseline: &'a [[f32; 3]],
+    /// Whether the hand moved while it was calibrated ([`Frames::moved`]).
+    pub moved: bool,
 }
 
 impl std::ops::Deref for Measured<'_> {
@@ -49,22 +51,21 @@ pub(crate) fn pipeline(
     frames: impl Iterator<Item = impl Into<Recorded>>,
     emit: &mut Emit<'_>,
 ) -> anyhow::Result<()> {
-    showing(config, emit, |take| run_recorded(config, frames, None, take))
+    showing(emit, |take| run_recorded(config, frames, None, take))
 }
 
-/// Shows what each tick of an engine felt, until that fails; says whether the hand moved while it was calibrated.
+/// Shows what each tick of an engine felt, until that fails.
 fn showing(
-    config: &EngineConfig,
     emit: &mut Emit<'_>,
     run: impl FnOnce(&mut dyn FnMut(&Frames) -> ControlFlow<()>) -> Result<(), EngineError>,
 ) -> anyhow::Result<()> {
-    let (mut failure, mut moved) = (None, false);
+    let mut failure = None;
     run(&mut |frames| {
-        moved |= frames.moved;
         let felt = Felt {
             measured: Some(Measured {
                 tactile: &frames.tactile,
                 baseline: &frames.baseline,
+                moved: frames.moved,
             }),
             force: &frames.force,
             joints: &frames.tactile.joints,
@@ -75,13 +76,6 @@ fn showing(
             Some(_) => ControlFlow::Break(()),
         }
     })?;
-    if moved {
-        remark!(
-            "taxel: the hand moved, or was touched, within the calibration of {} ms: only the quietest half of that was taken \
-             for its rest; begin with a hand that is still, or shorten conditioning.calibration_ms in a file for --config",
-            config.conditioning.calibration_ms
-        );
-    }
     failure.map_or(Ok(()), Err)
 }
 
@@ -202,7 +196,7 @@ fn run_whole(
         progress.advance(1);
         frames.fill(frame)
     };
-    showing(config, emit, |take| run_whole_frames(config, changes, fill, take))
+    showing(emit, |take| run_whole_frames(config, changes, fill, take))
 }
 
 /// Shows magnitudes, which are forces already; contacts begin above `threshold` and end at `release`.

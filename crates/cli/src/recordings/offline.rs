@@ -254,9 +254,10 @@ impl OfflineArgs {
             engine.calibrated = at_the_beginning(head, config)?;
         }
         let changes = head.map(|head| DaemonChanges::new(head, config)).transpose()?;
-        let mut held = HeldToTheEnd::default();
+        let (mut held, mut moved) = (HeldToTheEnd::default(), false);
         let mut emit_held = |felt: &Felt<'_>| {
             held.take(felt.force);
+            moved |= felt.measured.is_some_and(|measured| measured.moved);
             emit(felt)
         };
         match input {
@@ -280,6 +281,13 @@ impl OfflineArgs {
                 interfaces.extend(joints);
                 run_traffic(traffic, &interfaces, &engine, changes, &mut emit_held)?;
             }
+        }
+        if moved {
+            remark!(
+                "taxel: {}: the hand moved while it was calibrated: it rests as in the quieter half of that time; begin with \
+                 a hand that is still, or shorten conditioning.calibration_ms in a file for --config",
+                self.input.name()
+            );
         }
         held.say(&self.input.name());
         Ok(())
