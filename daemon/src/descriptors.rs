@@ -12,6 +12,9 @@ const SPARE: usize = 32;
 /// Least that must be left when all threads run: for a reader, who commands, and what is opened for a moment.
 const LEAST: usize = 8;
 
+/// What is to be done where too few files may be open.
+pub const MORE_FILES: &str = "LimitNOFILE= in the unit, or `ulimit -Hn`, allows more";
+
 /// How many connections there may be.
 #[derive(Debug, PartialEq, Eq)]
 pub(crate) struct Descriptors {
@@ -39,7 +42,7 @@ impl Descriptors {
         if shared.subscribers < subscribers {
             tracing::warn!(
                 "[socket] max_subscribers = {subscribers}, but only {} will be let in: {limit} files may be open, and some \
-                 are kept for who asks and commands; LimitNOFILE= in the unit, or `ulimit -Hn`, allows more",
+                 are kept for who asks and commands; {MORE_FILES}",
                 shared.subscribers
             );
         }
@@ -65,8 +68,9 @@ fn in_use(limit: usize) -> usize {
     }
 }
 
-/// The limit is low by default for the sake of programs that use select(2).
-fn raise_limit() -> usize {
+/// Raises the limit to the highest that is allowed, and tells it. It is low by default for the sake of programs that use
+/// select(2).
+pub(crate) fn raise_limit() -> usize {
     // Where it cannot be told it is what POSIX grants.
     let (limit, most) = getrlimit(Resource::RLIMIT_NOFILE).unwrap_or((20, 20));
     let raised = setrlimit(Resource::RLIMIT_NOFILE, most, most);

@@ -28,6 +28,7 @@ mod supervise;
 mod tick;
 
 pub use arguments::Arguments;
+pub use descriptors::MORE_FILES;
 pub use realtime::set_fifo;
 pub use sources::{left_out, open_array, untimed};
 pub use start_error::{StartError, check, left_to_service};
@@ -72,6 +73,7 @@ impl Daemon {
     /// returns, subscribers can connect.
     pub fn start(config: Config) -> Result<Self, StartError> {
         check_profile(&config.layout, &config.profile).map_err(StartError::ProfileUnfit)?;
+        descriptors::raise_limit();
         if let Some(sentence) = config.unread_joints() {
             tracing::warn!("{sentence}");
         }

@@ -20,7 +20,7 @@ use std::io::Write;
 use std::process::ExitCode;
 use std::time::{Duration, Instant};
 use taxeld::log::{Flush, Log};
-use taxeld::{Arguments, Config, ConfigError, Daemon, StartError, service_manager, stdout};
+use taxeld::{Arguments, Config, ConfigError, Daemon, MORE_FILES, StartError, service_manager, stdout};
 use tracing::Level;
 use tracing_subscriber::filter::{LevelFilter, Targets};
 use tracing_subscriber::layer::SubscriberExt;
@@ -48,14 +48,26 @@ fn main() -> ExitCode {
     match outcome {
         Ok(status) => status,
         Err(error) => {
-            log.say(format!("{}Error: {error:#}\n", journal::prefix(&Level::ERROR)));
+            let (said, wants_files) = last_words(&error);
+            log.say(format!("{}Error: {said}\n", journal::prefix(&Level::ERROR)));
             let start = error.downcast_ref::<StartError>();
-            if error.is::<ConfigError>() || start.is_some_and(StartError::is_lasting) {
+            if wants_files || error.is::<ConfigError>() || start.is_some_and(StartError::is_lasting) {
                 ExitCode::from(BAD_CONFIG)
             } else {
                 ExitCode::FAILURE
             }
         }
+    }
+}
+
+/// Why it ends, and whether since too few files may be open: then what needed one more comes from all over the start, and only
+/// the system's words are the same.
+fn last_words(error: &anyhow::Error) -> (String, bool) {
+    let said = format!("{error:#}");
+    let too_many = std::io::Error::from_raw_os_error(libc::EMFILE).to_string();
+    match said.contains(&too_many) {
+        true => (format!("{said}; {MORE_FILES}"), true),
+        false => (said, false),
     }
 }
 
@@ -167,6 +179,20 @@ fn log_to_stderr() -> std::io::Result<(Log, Flush)> {
 #[cfg(test)]
 mod tests {
     use super::*;
+
+    #[test]
+    fn too_few_files_are_told_from_a_system_that_has_too_many_open_whatever_needed_one() {
+        for (error, wanted) in [(libc::EMFILE, true), (libc::ENFILE, false), (libc::ENOENT, false)] {
+            let error =
+                anyhow::Error::from(std::io::Error::from_raw_os_error(error)).context("cannot listen");
+            let (said, wants_files) = last_words(&error);
+            assert_eq!(
+                (wants_files, said.contains("LimitNOFILE=")),
+                (wanted, wanted),
+                "{said}"
+            );
+        }
+    }
 
     #[test]
     fn rust_log_says_what_is_logged() {

@@ -1,5 +1,6 @@
 //! Why a daemon does not start, also as far as that can be told beforehand.
 
+use crate::descriptors::MORE_FILES;
 use crate::image_maker::check_profile;
 use crate::{Config, SocketPathError, sources};
 use nix::unistd::Group;
@@ -56,7 +57,7 @@ pub enum StartError {
     /// Nobody could connect.
     #[error(
         "only {limit} files may be open, and with fewer than {needed} nobody could tell taxeld to switch a motor off; \
-         LimitNOFILE= in the unit, or `ulimit -Hn`, allows more"
+         {MORE_FILES}"
     )]
     TooFewFiles {
         /// How many may be open.
