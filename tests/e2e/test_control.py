@@ -199,7 +199,7 @@ def test_a_refused_request_takes_no_hold_and_one_that_was_let_go_of_none_either(
 def test_who_holds_a_motor_that_was_not_confirmed_is_told_so_and_it_is_let_go_with_the_others(folder):
     servos = Servos("--ids", "1-16")
     on = {"cmd": "servo", "joint": "joint 5", "torque": True, "pwm_percent": 0}
-    with Daemon(folder / "d", SCENE, tick=TICK, joints=dynamixel(servos.path, **WRITING | {"answer_margin_ms": 150.0})) as daemon:
+    with Daemon(folder / "d", SCENE, tick=TICK, joints=dynamixel(servos.path, **WRITING)) as daemon:
         daemon.wait_status(lambda s: s["joints"]["readings"] > 50, "nothing is read")
         servos.tell("fault 5 silent")
         with connect(daemon.control_path) as client:
@@ -218,7 +218,7 @@ def test_who_holds_a_motor_that_was_not_confirmed_is_told_so_and_it_is_let_go_wi
 def test_a_motor_that_is_off_is_held_by_nobody_whose_request_has_failed(folder):
     servos = Servos("--ids", "1-16")
     on = {"cmd": "servo", "joint": "joint 5", "torque": True, "pwm_percent": 0}
-    with Daemon(folder / "d", SCENE, tick=TICK, joints=dynamixel(servos.path, **WRITING | {"answer_margin_ms": 150.0})) as daemon:
+    with Daemon(folder / "d", SCENE, tick=TICK, joints=dynamixel(servos.path, **WRITING)) as daemon:
         daemon.wait_status(lambda s: s["joints"]["readings"] > 50, "nothing is read")
         off = lambda s: s["joints"]["joints"][4]["torque_enabled"] is False and not s["problems"]  # noqa: E731
         daemon.wait_status(off, "it is not known to be off")

@@ -16,6 +16,8 @@ use crate::state::State;
 use nix::poll::{PollFd, PollFlags, PollTimeout, poll};
 use request::{Request, abandon, answer, refusal, report};
 use std::cell::Cell;
+use std::convert::Infallible;
+use std::future::pending;
 use std::os::fd::AsFd;
 use std::pin::pin;
 use std::rc::Rc;
@@ -203,12 +205,23 @@ impl Talk<'_> {
             if is_blank {
                 continue;
             }
-            let reply = self.obey(request, releases).await;
+            let reply = tokio::select! {
+                reply = self.obey(request, releases) => reply,
+                never = self.watch_for_more(&mut read) => match never {},
+            };
             if !self.reply(&reply).await? || too_long {
                 return Ok(());
             }
         }
         Ok(())
+    }
+
+    /// Notes that there is more to be read, while a request is carried out.
+    async fn watch_for_more(&self, read: &mut BufReader<OwnedReadHalf>) -> Infallible {
+        if let Ok([_, ..]) = read.fill_buf().await {
+            self.hold.press();
+        }
+        pending().await
     }
 
     /// Carries out a request, and gives the line that answers it.

@@ -38,6 +38,8 @@ pub(crate) struct Hold<'a> {
     asker: Asker,
     /// Since when it is the client's turn; `None` where it waits for an answer.
     awaited: Cell<Option<Instant>>,
+    /// Whether it has asked for more meanwhile.
+    is_pressed: Cell<bool>,
     has_let_go: Cell<bool>,
     changed: Notify,
 }
@@ -83,6 +85,7 @@ impl<'a> Hold<'a> {
             number,
             asker,
             awaited: Cell::default(),
+            is_pressed: Cell::default(),
             has_let_go: Cell::default(),
             changed: Notify::new(),
         }
@@ -152,6 +155,17 @@ impl<'a> Hold<'a> {
     /// The client has asked something. It may wait for as long as the answer takes.
     pub(crate) fn serve(&self) {
         self.awaited.set(None);
+        self.is_pressed.set(false);
+    }
+
+    /// The client asks for more while it waits for an answer.
+    pub(crate) fn press(&self) {
+        self.is_pressed.set(true);
+    }
+
+    /// Whether it does: it is not to wait for that answer for long.
+    pub(super) fn is_pressed(&self) -> bool {
+        self.is_pressed.get()
     }
 
     /// It is its turn: to take its answer, or to ask something.

@@ -1,6 +1,7 @@
 //! Joint angles in the status and in requests; what they are and how they get into each tactile
 //! frame is `taxel-joints`.
 
+mod confirmed;
 mod hold;
 mod releases;
 mod status;

@@ -1,10 +1,10 @@
 //! The one way in which taxeld moves anything: control requests to servos, where the configuration allows it.
 
+use super::confirmed::{all_confirmed, confirmed};
 use super::{Hold, NotDone};
 use serde::de::{MapAccess, Visitor};
 use serde::{Deserialize, Deserializer};
 use std::fmt;
-use std::time::Duration;
 use taxel_hand::{check_range, did_you_mean};
 use taxel_joints::bus::{WriteCommand, WriteError, WriteRefused, check_goals};
 use taxel_joints::{DynamixelConfig, JointReader, JointSource, JointsConfig, PortState, ServoReader};
@@ -66,10 +66,6 @@ pub(crate) struct Told {
     /// What has to be known of it by who asked: servos that have confirmed it and report a hardware error.
     pub(crate) warning: Option<String>,
 }
-
-/// How long a servo may take to confirm it: many cycles of a slow bus.
-const PATIENCE: Duration = Duration::from_secs(2);
-const LOOK: Duration = Duration::from_millis(2);
 
 impl ServoRequest {
     /// The joint whose motor it has switched on or off, and which of both.
@@ -156,7 +152,7 @@ pub(crate) async fn write(
     let done = match away(servos).filter(|_| is_off) {
         Some(reason) => Err(reason),
         None => {
-            let done = confirmed(servos, joint, command, number).await;
+            let done = confirmed(servos, hold, joint, command, number).await;
             if done != Err(WriteError::Unconfirmed) {
                 hold.is_told(joint);
             }
@@ -209,7 +205,7 @@ pub(crate) async fn write_together(
         .command_together(&goals)
         .map_err(|refused| why_not(servos, refused))?;
     let (mut failed, mut warnings) = (Vec::new(), Vec::new());
-    let outcomes = all_confirmed(servos, &goals, number).await;
+    let outcomes = all_confirmed(servos, hold, &goals, number).await;
     for ((joint, _), outcome) in goals.iter().zip(outcomes) {
         match outcome {
             Ok(()) => {
@@ -231,56 +227,6 @@ pub(crate) async fn write_together(
         }),
         false => Err(failed.join("; ").into()),
     }
-}
-
-/// Waits until a servo has confirmed the command of this number.
-async fn confirmed(
-    servos: &ServoReader,
-    joint: usize,
-    command: WriteCommand,
-    number: u64,
-) -> Result<(), WriteError> {
-    let done = looked_for(|| match command {
-        // A newer one has taken its place.
-        WriteCommand::Torque(false) => (servos.motor_off(joint).written)
-            .filter(|off| off.number >= number)
-            .map(|off| off.result),
-        _ => servos.outcome(joint, number),
-    });
-    done.await.unwrap_or(Err(WriteError::Unconfirmed))
-}
-
-/// Waits until each of several servos has confirmed its goal, all of this number.
-async fn all_confirmed(
-    servos: &ServoReader,
-    goals: &[(usize, i16)],
-    number: u64,
-) -> Vec<Result<(), WriteError>> {
-    let mut outcomes = vec![None; goals.len()];
-    looked_for(|| {
-        for (outcome, (joint, _)) in outcomes.iter_mut().zip(goals) {
-            *outcome = outcome.or_else(|| servos.outcome(*joint, number));
-        }
-        outcomes.iter().all(Option::is_some).then_some(())
-    })
-    .await;
-    let unconfirmed = Err(WriteError::Unconfirmed);
-    (outcomes.into_iter())
-        .map(|outcome| outcome.unwrap_or(unconfirmed))
-        .collect()
-}
-
-/// Looks again and again until there is something, but not for ever.
-async fn looked_for<T>(mut look: impl FnMut() -> Option<T>) -> Option<T> {
-    let found = async {
-        loop {
-            if let Some(found) = look() {
-                return found;
-            }
-            tokio::time::sleep(LOOK).await;
-        }
-    };
-    tokio::time::timeout(PATIENCE, found).await.ok()
 }
 
 /// The servo of a joint, by its index.

@@ -123,7 +123,7 @@ pub enum WriteError {
     PortLost,
     /// Nobody knows yet.
     #[error(
-        "it was not confirmed in time, and may still be done: the bus is slow or a servo on it is silent, as `taxel status` tells"
+        "it was not confirmed in time, and may still be done: the bus is slow, a servo on it is silent or its port hangs, as `taxel status` tells"
     )]
     Unconfirmed,
 }

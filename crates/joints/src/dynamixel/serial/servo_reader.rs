@@ -86,6 +86,8 @@ pub struct ServoReader {
     shared: Arc<Mutex<Shared>>,
     /// Cycles whose readings are in the history. It grows while `shared` is locked.
     published: Arc<AtomicU64>,
+    /// What the thread has done on the bus.
+    steps: Arc<AtomicU64>,
     /// Whether a command waits that is not to wait for the end of the cycle.
     urgent: Arc<AtomicBool>,
     thread: ReadingThread,
@@ -127,6 +129,7 @@ impl ServoReader {
         let urgent = Arc::new(AtomicBool::new(false));
         let stop = Arc::new(AtomicBool::new(false));
         let published = Arc::new(AtomicU64::new(0));
+        let steps = Arc::new(AtomicU64::new(0));
         let thread = Thread {
             bus,
             path: config.path.clone(),
@@ -135,6 +138,7 @@ impl ServoReader {
             period_ns: (1e9 / config.rate_hz) as u64,
             shared: shared.clone(),
             published: published.clone(),
+            steps: steps.clone(),
             stop: stop.clone(),
             urgent: urgent.clone(),
             commands: Vec::with_capacity(COMMANDS + 2 * n),
@@ -142,6 +146,7 @@ impl ServoReader {
         Ok(Self {
             shared,
             published,
+            steps,
             urgent,
             thread: ReadingThread::start("joints", stop, first, move || thread.run())?,
             names: config.joint_names(),
@@ -158,6 +163,12 @@ impl ServoReader {
     /// call keeps it.
     pub fn end(&self) -> Result<(), ReadingThreadError> {
         self.thread.end()
+    }
+
+    /// Grows with each request to the bus and each answer, and with each port that is tried: where it stands for longer than a
+    /// request can take, the thread hangs, as in a serial driver that does not return.
+    pub fn steps(&self) -> u64 {
+        self.steps.load(Ordering::Relaxed)
     }
 
     /// Names of the joints, in the order of everything else.
@@ -316,6 +327,7 @@ struct Thread {
     period_ns: u64,
     shared: Arc<Mutex<Shared>>,
     published: Arc<AtomicU64>,
+    steps: Arc<AtomicU64>,
     stop: Arc<AtomicBool>,
     urgent: Arc<AtomicBool>,
     commands: Vec<(u64, usize, WriteCommand)>,
@@ -382,9 +394,11 @@ impl Thread {
             shared,
             urgent,
             commands,
+            steps,
             ..
         } = self;
         port.cycle_with(bus, |bus| {
+            steps.fetch_add(1, Ordering::Relaxed);
             if urgent.swap(false, Ordering::Acquire) {
                 std::mem::swap(&mut lock(shared).commands, commands);
                 bus.take(commands);
@@ -394,6 +408,7 @@ impl Thread {
     }
 
     fn publish(&mut self) {
+        self.steps.fetch_add(1, Ordering::Relaxed);
         {
             let mut shared = lock(&self.shared);
             let shared = &mut *shared;
