@@ -104,6 +104,22 @@ def test_a_motor_is_held_in_a_block_alone(daemon, control_of):
     assert daemon.requests == []
 
 
+def test_what_was_not_begun_when_its_connection_made_room_is_asked_for_again_but_not_for_ever(daemon, control_of):
+    again = {"ok": False, "error": "it made room", "ask_again": True}
+    begun = {"ok": False, "error": "may still be done"}
+    control = control_of(daemon.control)
+    for replies, wanted in [([again, {"ok": True}], None), ([again, begun], "still"), ([again] * 3, "room")]:
+        left = list(replies)
+        daemon.answer = lambda _, left=left: left.pop(0)
+        with contextlib.nullcontext() if wanted is None else pytest.raises(taxel.Refused, match=wanted):
+            control.pause()
+        assert left == []
+    # A block's connection may hold motors, and another one would not.
+    daemon.answer = lambda _: again
+    with control_of(daemon.control) as control, pytest.raises(taxel.Refused, match="it made room"):
+        control.pause()
+
+
 def test_a_restart_ends_the_block_s_connection(daemon, control_of):
     with control_of(daemon.control) as control:
         control.torque("left", True, hold_ms=10_000)

@@ -15,6 +15,7 @@ use crate::joints::{Deserted, Hold};
 use crate::state::State;
 use nix::poll::{PollFd, PollFlags, PollTimeout, poll};
 use request::{Request, abandon, answer, refusal, report};
+use serde_json::Value;
 use std::cell::Cell;
 use std::convert::Infallible;
 use std::future::pending;
@@ -93,6 +94,7 @@ async fn attend(stream: UnixStream, state: &State, asker: Asker, place: &Place) 
         hold: state.hold(asker),
         write,
         replying: Cell::new(false),
+        changing: Cell::new(false),
         state,
         asker,
         place,
@@ -105,15 +107,14 @@ async fn attend(stream: UnixStream, state: &State, asker: Asker, place: &Place) 
                 // Behind what it asked before, another motor may be to be switched off.
                 Deserted::Gone => talk.hold.let_go(),
                 Deserted::Silent(patience) => {
-                    talk.take_leave(format!(
+                    talk.take_leave(refusal(format!(
                         "nothing was asked for {patience:?}, so the motors that this connection held are switched off"
-                    ));
+                    )));
                     return Ok(());
                 }
             },
             () = place.lost() => {
-                let why = "all places are taken, and this connection made room for another; connect again";
-                talk.take_leave(why.into());
+                talk.take_leave(room_made(talk.changing.get()));
                 return Ok(());
             }
         }
@@ -145,6 +146,8 @@ struct Talk<'a> {
     write: OwnedWriteHalf,
     /// Whether a reply is on its way.
     replying: Cell<bool>,
+    /// Whether something is being done that is not to be done twice.
+    changing: Cell<bool>,
     state: &'a State,
     asker: Asker,
     place: &'a Place,
@@ -152,10 +155,10 @@ struct Talk<'a> {
 
 impl Talk<'_> {
     /// Says why the client has to leave. Who does not read is not told.
-    fn take_leave(&self, why: String) {
+    fn take_leave(&self, why: Value) {
         // Not into the middle of a reply.
         if !self.replying.get() {
-            let _ = self.write.try_write(&line_of(&refusal(why)));
+            let _ = self.write.try_write(&line_of(&why));
         }
     }
 
@@ -233,7 +236,12 @@ impl Talk<'_> {
         self.place.set(doing, Instant::now());
         let reply = match request {
             Ok(Request::Status {}) => report(self.state).await,
-            Ok(request) => line_of(&answer(request, self.state, &self.asker, &self.hold).await).into(),
+            Ok(request) => {
+                self.changing.set(request.changes() && !releases);
+                let reply = answer(request, self.state, &self.asker, &self.hold).await;
+                self.changing.set(false);
+                line_of(&reply).into()
+            }
             Err(error) => line_of(&refusal(error)).into(),
         };
         let doing = match self.hold.patience() {
@@ -259,6 +267,22 @@ impl Talk<'_> {
     }
 }
 
+/// Why a connection ends that makes room for another, in the middle of a change or not. Otherwise whatever it has asked for and
+/// was not answered may be asked for again.
+fn room_made(is_changing: bool) -> Value {
+    let next = match is_changing {
+        true => "what it asked for last may still be done, as the status tells",
+        false => "connect again",
+    };
+    let mut reply = refusal(format!(
+        "all places are taken, and this connection made room for another; {next}"
+    ));
+    if !is_changing {
+        reply["ask_again"] = true.into();
+    }
+    reply
+}
+
 /// Reads the next request, or as much of it as may be; false where the client asks nothing more.
 async fn read_line(read: &mut BufReader<OwnedReadHalf>, line: &mut Vec<u8>) -> std::io::Result<bool> {
     line.clear();
@@ -281,8 +305,26 @@ async fn write_all(write: &OwnedWriteHalf, mut bytes: &[u8]) -> std::io::Result<
     Ok(())
 }
 
-fn line_of(reply: &serde_json::Value) -> Vec<u8> {
+fn line_of(reply: &Value) -> Vec<u8> {
     let mut text = reply.to_string().into_bytes();
     text.push(b'\n');
     text
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn who_makes_room_in_the_middle_of_a_change_is_not_told_to_ask_for_it_again() {
+        for (is_changing, words) in [(false, "connect again"), (true, "may still be done")] {
+            let reply = room_made(is_changing);
+            assert!(reply["error"].as_str().unwrap().contains(words), "{reply}");
+            assert_eq!(
+                reply["ask_again"].as_bool(),
+                (!is_changing).then_some(true),
+                "{reply}"
+            );
+        }
+    }
 }

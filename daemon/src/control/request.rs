@@ -59,6 +59,11 @@ impl Request {
         matches!(self, Self::Servo(request) if request.releases(joints))
     }
 
+    /// Whether it asks to move or change something.
+    pub(super) fn changes(&self) -> bool {
+        self.change().is_some()
+    }
+
     /// The joint whose motor it has switched on or off, and which of both.
     fn switched_motor(&self) -> Option<(&str, bool)> {
         match self {

@@ -180,8 +180,13 @@ class Control:
         line = requests.encode(request, held is not None)
         if held:
             return requests.decode(await held.ask(request, line), held.path)
-        with contextlib.closing(await _Connection.to(requests.place(self.path, request), self.timeout)) as connection:
-            return requests.decode(await connection.ask(request, line), connection.path)
+        for _ in range(requests.TRIES):
+            place = requests.place(self.path, request)
+            with contextlib.closing(await _Connection.to(place, self.timeout)) as connection:
+                reply = await connection.ask(request, line)
+            if not requests.is_to_be_asked_again(reply):
+                break
+        return requests.decode(reply, connection.path)
 
 
 class _Connection:

@@ -100,8 +100,12 @@ class Control:
         line = requests.encode(request, held is not None)
         if held:
             return requests.decode(held.ask(request, line), held.path)
-        with contextlib.closing(_Connection(requests.place(self.path, request), self.timeout)) as connection:
-            return requests.decode(connection.ask(request, line), connection.path)
+        for _ in range(requests.TRIES):
+            with contextlib.closing(_Connection(requests.place(self.path, request), self.timeout)) as connection:
+                reply = connection.ask(request, line)
+            if not requests.is_to_be_asked_again(reply):
+                break
+        return requests.decode(reply, connection.path)
 
 
 class _Connection:

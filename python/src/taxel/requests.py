@@ -11,6 +11,8 @@ from .place import running_socket
 
 STATUS = {"cmd": "status"}
 PROFILE = {"cmd": "profile"}
+TRIES = 3
+"""How often something is asked for whose connection has to make room for others before it is begun."""
 
 
 class Mark(NamedTuple):
@@ -49,6 +51,11 @@ def encode(request: Dict[str, Any], is_held: bool) -> bytes:
     if isinstance(request, dict) and "hold_ms" in request and not is_held:
         raise RuntimeError("a motor is held as long as its connection: `with taxel.Control() as control:`")
     return json.dumps(plain(request)).encode() + b"\n"
+
+
+def is_to_be_asked_again(reply: bytes) -> bool:
+    """Whether the connection had to make room for another, and nothing was begun that must not be done twice."""
+    return b'"ask_again"' in reply and json.loads(reply).get("ask_again") is True
 
 
 def decode(reply: bytes, path: str) -> Dict[str, Any]:

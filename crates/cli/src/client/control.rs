@@ -14,9 +14,32 @@ use taxel_wire::{check_socket_folder, connect_for_requests, who_may_open};
 /// How long a reply may take.
 const PATIENCE: Duration = Duration::from_secs(5);
 
+/// How often something is asked for whose connection has to make room for others before it is begun.
+const TRIES: usize = 3;
+
 /// Has the daemon do something and returns its reply; an error is its own words why not.
 pub(crate) fn request(socket: &Path, request: &Value) -> anyhow::Result<Value> {
-    Connection::open(socket)?.ask(request)
+    let ask = || Connection::open(socket)?.reply_to(request);
+    let mut reply = ask()?;
+    for _ in 1..TRIES {
+        if reply["ask_again"] == true {
+            reply = ask()?;
+        }
+    }
+    done(reply)
+}
+
+/// The reply, if it is that something is done; an error is the daemon's own words why not, [`Held`] where another client drives
+/// the motor.
+fn done(reply: Value) -> anyhow::Result<Value> {
+    if reply["ok"] == true {
+        return Ok(reply);
+    }
+    let why = reply["error"].as_str().unwrap_or("refused");
+    match reply.get("held_by") {
+        Some(_) => Err(Held(why.into()).into()),
+        None => bail!("{why}"),
+    }
 }
 
 /// A motor is driven by another client of the daemon, in the daemon's words.
@@ -74,6 +97,11 @@ impl Connection {
     /// Has the daemon do something and returns its reply; an error is its own words why not, [`Held`] where another client
     /// drives the motor.
     pub(crate) fn ask(&mut self, request: &Value) -> anyhow::Result<Value> {
+        done(self.reply_to(request)?)
+    }
+
+    /// What the daemon replies, whatever it is.
+    fn reply_to(&mut self, request: &Value) -> anyhow::Result<Value> {
         match writeln!(self.0.get_mut(), "{request}") {
             // Who has closed it may have said why.
             Err(error) if is_closed(&error) => {}
@@ -85,17 +113,7 @@ impl Connection {
             Ok(1..) => {}
             _ => bail!("taxeld has closed the connection; if it has ended, its log says why"),
         }
-        let reply: Value = serde_json::from_str(&reply).context("the daemon's answer")?;
-        match reply["ok"].as_bool() {
-            Some(true) => Ok(reply),
-            _ => {
-                let why = reply["error"].as_str().unwrap_or("refused");
-                match reply.get("held_by") {
-                    Some(_) => Err(Held(why.into()).into()),
-                    None => bail!("{why}"),
-                }
-            }
-        }
+        serde_json::from_str(&reply).context("the daemon's answer")
     }
 }
 
@@ -178,6 +196,32 @@ mod tests {
         let error = connection.ask(&Value::Null).unwrap_err();
         closing.join().unwrap();
         assert!(error.to_string().starts_with("taxeld has closed"), "{error:#}");
+    }
+
+    #[test]
+    fn what_was_not_begun_when_its_connection_made_room_is_asked_for_again_but_not_for_ever() {
+        let folder = tempfile::tempdir().unwrap();
+        let socket = folder.path().join("control.sock");
+        let listener = UnixListener::bind(&socket).unwrap();
+        let again = "{\"ok\":false,\"error\":\"it made room\",\"ask_again\":true}\n";
+        let begun = "{\"ok\":false,\"error\":\"may still be done\"}\n";
+        for (replies, wanted) in [
+            (&[again, "{\"ok\":true}\n"][..], None),
+            (&[again, begun], Some("may still be done")),
+            (&[begun], Some("may still be done")),
+            (&[again; TRIES], Some("it made room")),
+        ] {
+            let outcome = std::thread::scope(|scope| {
+                scope.spawn(|| {
+                    for reply in replies {
+                        let (mut daemon, _) = listener.accept().unwrap();
+                        daemon.write_all(reply.as_bytes()).unwrap();
+                    }
+                });
+                request(&socket, &Value::Null)
+            });
+            assert_eq!(outcome.err().map(|error| error.to_string()).as_deref(), wanted);
+        }
     }
 
     #[test]
