@@ -14,6 +14,7 @@ pub mod log;
 mod out_of_use;
 mod overruns;
 mod realtime;
+mod recent;
 mod reload;
 pub mod service_manager;
 mod snapshot;

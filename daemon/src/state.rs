@@ -3,6 +3,7 @@
 
 use crate::clients::{Asker, ChangeLog, Places, Reports};
 use crate::joints::{Hold, Holders, NotDone, Releases, ServoRequest, ServosRequest, Told};
+use crate::recent::Recent;
 use crate::snapshot::Snapshot;
 use crate::tick::{Command, PipelineClock, Shared};
 use std::cell::{Cell, Ref, RefCell};
@@ -29,6 +30,8 @@ pub(crate) struct State {
     pub(crate) server: ServerHandle,
     /// Who was connected when it was asked last.
     roster: RefCell<Roster>,
+    /// The times of the last minute.
+    pub(crate) recent: RefCell<Recent>,
     /// What is wrong with buses, boards and joints.
     pub(crate) problems: RefCell<Problems>,
     /// Why the configuration that was read last is not the one that runs.
@@ -78,6 +81,7 @@ impl State {
             shared,
             server,
             roster: RefCell::default(),
+            recent: RefCell::default(),
             problems: RefCell::default(),
             reload_refused: RefCell::default(),
             sockets_lost: RefCell::default(),
@@ -229,7 +233,7 @@ impl State {
 
     /// One line for `systemctl status` and the log.
     pub(crate) fn summary(&self) -> String {
-        let (images, overruns, missing, faulty, calibrating, p99, links, boards, lost, joints) = {
+        let (images, overruns, missing, faulty, calibrating, recent, links, boards, lost, joints) = {
             let s = self.shared.snapshot.lock().unwrap_or_else(|e| e.into_inner());
             let links: Vec<String> = (self.config.layout.buses.iter().zip(&s.buses))
                 .map(|(name, bus)| match bus.link {
@@ -243,14 +247,14 @@ impl State {
                 .filter(|b| b.state == BoardState::Streaming)
                 .count();
             let lost: u64 = s.buses.iter().map(|b| b.source.lost_in_kernel).sum();
-            let p99 = s.lateness_ns.value_at_quantile(0.99);
+            let recent = self.recent.borrow().status(&s, &self.roster());
             (
                 s.images,
                 s.overruns,
                 s.missing,
                 s.faulty,
                 s.force.calibrating,
-                p99,
+                recent,
                 links,
                 alive,
                 lost,
@@ -262,8 +266,8 @@ impl State {
         format!(
             "{rate:.1} Hz ({mode}), tick p99 {:.2} ms, sent p99 {:.2} ms, {overruns} overruns, {}, {lost} lost, {boards}/{} boards, \
              {missing} missing, {faulty} faulty{joints}, {} subscribers{}{}",
-            p99 as f64 / 1e6,
-            self.roster().sent_status().age_us.p99 / 1e3,
+            recent.lateness_us.p99 / 1e3,
+            recent.age_us.p99 / 1e3,
             links.join(", "),
             self.config.layout.modules.len(),
             self.roster().subscribers(),

@@ -46,6 +46,7 @@ impl State {
                 lateness_us: quantiles(&snapshot.lateness_ns),
                 latenesses: rows(&snapshot.lateness_ns),
                 sent: roster.sent_status(),
+                recent: self.recent.borrow().status(&snapshot, &roster),
             },
             paused: snapshot.paused,
             calibrating: snapshot.force.calibrating,

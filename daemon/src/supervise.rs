@@ -54,6 +54,7 @@ pub(crate) async fn watch(state: Rc<State>) {
             report_problems(&state, &now, view.as_ref(), roll_call_at.is_none());
         }
         report_joints(&state, view.as_ref(), &mut joints);
+        (state.recent.borrow_mut()).keep(Instant::now().into_std(), &now, &state.roster());
         reports.publish(&state, &now);
         before = Some(now);
 

@@ -2,7 +2,7 @@
 
 use crate::seconds::duration_text;
 use std::fmt::Write;
-use taxel_wire::status::{BoardStatus, BusStatus, JointsStatus, ProblemStatus, Status};
+use taxel_wire::status::{BoardStatus, BusStatus, JointsStatus, ProblemStatus, QuantileStatus, Status};
 
 /// Boards and joints with problems that are listed; the others are counted.
 const LISTED: usize = 6;
@@ -48,15 +48,23 @@ fn write_images(status: &Status, out: &mut String) -> std::fmt::Result {
     let images = &status.images;
     writeln!(
         out,
-        "images   {:.1} Hz ({}), {} made, {} overruns, {} unpublished; tick p50 {} p99 {}",
+        "images   {:.1} Hz ({}), {} made, {} overruns, {} unpublished; tick {}",
         images.rate_hz,
         status.tick.mode,
         images.made,
         images.overruns,
         images.unpublished,
-        time(images.lateness_us.p50),
-        time(images.lateness_us.p99),
+        times(&images.lateness_us, &images.recent.lateness_us),
     )
+}
+
+/// Of all since the start, and of those of the last minute where there were any.
+fn times(all: &QuantileStatus, recent: &QuantileStatus) -> String {
+    let mut text = format!("p50 {} p99 {}", time(all.p50), time(all.p99));
+    if recent.max > 0.0 {
+        text += &format!(", last minute p99 {}", time(recent.p99));
+    }
+    text
 }
 
 fn write_hand(status: &Status, out: &mut String) -> std::fmt::Result {
@@ -127,9 +135,8 @@ fn write_readers(status: &Status, out: &mut String) -> std::fmt::Result {
         0 => writeln!(out)?,
         _ => writeln!(
             out,
-            "; images were p50 {}, p99 {} old when they were sent",
-            time(sent.age_us.p50),
-            time(sent.age_us.p99)
+            "; age of images when sent {}",
+            times(&sent.age_us, &status.images.recent.age_us)
         )?,
     }
     for reader in status.subscribers.iter().take(READERS) {
@@ -229,7 +236,8 @@ mod tests {
     fn status(more: serde_json::Value) -> Status {
         let mut all = json!({
             "version": "0.1.0", "layout": "allegro-uskin-15", "uptime_s": 11_520.0, "contacts": 12,
-            "images": { "made": 345_600, "rate_hz": 30.0, "lateness_us": { "p50": 81.0, "p99": 1216.0 } },
+            "images": { "made": 345_600, "rate_hz": 30.0, "lateness_us": { "p50": 81.0, "p99": 1216.0 },
+                        "recent": { "lateness_us": { "p50": 80.0, "p99": 95.0, "max": 99.0 } } },
             "tick": { "mode": "timer" },
             "buses": [{ "name": "can0", "link": "up", "state": "error-active", "used": 9, "late": 2 }],
             "boards": [{ "module": "index tip", "bus": "can0", "board": 3, "state": "silent" },
@@ -251,7 +259,7 @@ mod tests {
         })));
         for line in [
             "taxeld 0.1.0 on allegro-uskin-15, up 3 h 12 min: running",
-            "images   30.0 Hz (timer), 345600 made, 0 overruns, 0 unpublished; tick p50 81 us p99 1.2 ms",
+            "images   30.0 Hz (timer), 345600 made, 0 overruns, 0 unpublished; tick p50 81 us p99 1.2 ms, last minute p99 95 us",
             "hand     12 in contact, 0 missing, 0 faulty, 1 saturated",
             "buses    can0     up error-active, 0 frames/s, load 0 %, 9 used, 2 late",
             "boards   1 of 2 speak",
@@ -277,7 +285,7 @@ mod tests {
             ],
         })));
         for line in [
-            "readers  2; images were p50 109 us, p99 14.0 ms old when they were sent",
+            "readers  2; age of images when sent p50 109 us p99 14.0 ms",
             "         pid 7: 52 images, 97 skipped in 5 s; p99 37.2 ms old, gap 532.1 ms",
             "         pid 8: 97 images, 0 skipped, 48 paced in 0 s; p99 216 us old, gap 33.4 ms, raw frames",
         ] {

@@ -109,6 +109,16 @@ report! {
         latenesses: Vec<(u64, u64)>,
         /// What became of them after that, for all subscribers together.
         sent: SentStatus,
+        /// How long it took in the last half to whole minute.
+        recent: RecentStatus,
+    }
+
+    /// The times of the last half to whole minute; those above are since the start.
+    RecentStatus {
+        /// As `images.lateness_us`, microseconds.
+        lateness_us: QuantileStatus,
+        /// As `images.sent.age_us`, microseconds; zeros where nobody was sent any.
+        age_us: QuantileStatus,
     }
 
     /// Images that all subscribers were sent since the start, those that are gone included.
