@@ -85,6 +85,8 @@ fn a_servo_that_dies_and_comes_back_is_seen_as_that() {
     pty.bus().set_fault(2, Some(ServoFault::Silent), 1);
     let s = eventually(&reader, "resting", |s| s.results[1] == Err(NoReading::Resting));
     assert!(!s.servos[1].alive && s.servos[0].alive);
+    let steps = reader.steps();
+    eventually(&reader, "at work", |_| reader.steps() > steps);
     pty.bus().set_fault(2, None, 1);
     eventually(&reader, "back", |s| all_read(s) && s.servos[1].identity.is_some());
 }
