@@ -188,6 +188,45 @@ def test_no_daemon_is_told_with_its_place_unless_it_is_waited_for(tmp_path):
         assert hand.next(timeout=0.05) is None
 
 
+@pytest.mark.parametrize("said, reason", [("all places are taken", "all places are taken"), ("", "")])
+@pytest.mark.parametrize("is_read", [True, False])
+def test_who_was_let_go_before_it_subscribes_is_told_why(said, reason, is_read):
+    here, daemon = socket.socketpair(socket.AF_UNIX, socket.SOCK_SEQPACKET)
+    with _reader.Reader(here) as reader:
+        daemon.send(_message(_reader.HELLO, b"{}"))
+        if not is_read:
+            reader.subscribe(raw=True)
+        if said:
+            daemon.send(_event("disconnect", said))
+        daemon.close()
+        with pytest.raises(_reader.Closed) as closed:
+            if is_read:
+                reader.subscribe(raw=True)
+            for _ in range(3):
+                reader.receive(timeout=0)
+    assert closed.value.reason == reason
+
+
+def test_a_daemon_without_a_place_is_told_with_its_reason_unless_it_is_waited_for(tmp_path, monkeypatch):
+    path = tmp_path / "images.sock"
+    with socket.socket(socket.AF_UNIX, socket.SOCK_SEQPACKET) as full:
+        full.bind(str(path))
+        full.listen()
+        encode = _reader.encode_subscribe
+
+        def turned_away(wanted):
+            client, _ = full.accept()
+            client.send(_event("disconnect", "8 subscribers are connected already"))
+            client.close()
+            return encode(wanted)
+
+        monkeypatch.setattr(_reader, "encode_subscribe", turned_away)
+        with pytest.raises(_reader.Closed, match="8 subscribers are connected already"):
+            taxel.connect(path, raw=True)
+        with taxel.connect(path, raw=True, wait=True) as hand:
+            assert hand.gone == "8 subscribers are connected already"
+
+
 def test_the_socket_that_takes_requests_is_told_from_that_of_the_images(daemon):
     with pytest.raises(OSError, match="images come from images.sock beside it") as refused:
         taxel.connect(daemon.control)

@@ -579,12 +579,14 @@ static inline enum taxel_result taxel_receive(int fd, uint8_t *packet, size_t si
     if (ready < 0)
         return TAXEL_SOCKET;
     len = recv(fd, packet, size, 0);
+    /* The daemon left with our subscription unread; what it said before can be read still. */
+    if (len < 0 && errno == ECONNRESET)
+        len = recv(fd, packet, size, 0);
     if (len < 0 && errno == EINTR)
         return TAXEL_TIMEOUT;
-    /* The reset tells that the daemon left with our subscription unread. */
-    if (len < 0 && errno != ECONNRESET)
+    if (len < 0)
         return TAXEL_SOCKET;
-    if (len <= 0)
+    if (len == 0)
         return TAXEL_CLOSED;
     return taxel_decode_packet(packet, (size_t)len, message);
 }

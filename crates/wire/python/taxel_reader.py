@@ -425,7 +425,8 @@ class Reader:
             try:
                 length = self.socket.recv_into(self._buffer)
             except ConnectionResetError:
-                length = 0
+                # The daemon left with a subscription unread; what it said before can be read still.
+                continue
             if length == 0:
                 said = self.event or {}
                 raise Closed(str(said.get("message", "")) if said.get("event") == "disconnect" else "")
@@ -447,9 +448,23 @@ class Reader:
         was lost all the same is counted in `skipped`. It goes with no max_rate_hz.
         `profile={"levels": 4, "actuators": 5}` says what the display can do and `region=["index", "thumb"]` which parts
         of the hand it shows. The answer is a HELLO, whose "subscription" is in force from then on, or an event "refused"
-        that says why not.
+        that says why not. Raises Closed where the daemon has closed the connection; what else was unread is passed over.
         """
-        self.socket.send(encode_subscribe(wanted))
+        try:
+            self.socket.send(encode_subscribe(wanted))
+        except (BrokenPipeError, ConnectionResetError):
+            raise self._farewell() from None
+
+    def _farewell(self) -> Closed:
+        """Why the daemon has closed the connection."""
+        while True:
+            try:
+                if self.receive(timeout=0) is None:
+                    return Closed("")
+            except Closed as closed:
+                return closed
+            except DecodeError:
+                pass
 
     def latency_ns(self, header: Header) -> Optional[int]:
         """How long ago a message's time of validity was; None where HELLO's clock tells none."""
@@ -550,7 +565,7 @@ def connect(path: Union[str, bytes, "os.PathLike[str]", "os.PathLike[bytes]"], *
     Raises OSError: FileNotFoundError or ConnectionRefusedError where no daemon runs, PermissionError where
     this user may not read from it, or where it is in a folder /tmp/taxeld-UID that is not UID's alone, with errno
     EPROTOTYPE where it is a socket that takes requests, TimeoutError where the daemon takes no connection for five seconds,
-    as one that hangs.
+    as one that hangs, Closed where it has no place for this client.
     """
     steps = connecting(path, **wanted)
     while True:

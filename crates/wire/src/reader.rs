@@ -164,7 +164,7 @@ impl Subscriber {
         let packet = subscribe.to_packet();
         match retry(|| send(self.socket.as_raw_fd(), &packet, MsgFlags::MSG_NOSIGNAL)) {
             Ok(_) => Ok(()),
-            Err(Errno::EPIPE) => Err(self.farewell()),
+            Err(Errno::EPIPE | Errno::ECONNRESET) => Err(self.farewell()),
             Err(errno) => Err(ReadError::Socket(errno.into())),
         }
     }
@@ -252,9 +252,10 @@ impl Subscriber {
             }
             let fd = self.socket.as_raw_fd();
             let len = match retry(|| recv(fd, &mut self.buffer, MsgFlags::MSG_TRUNC)) {
-                // The reset tells that the daemon left with our subscription unread.
-                Ok(0) | Err(Errno::ECONNRESET) => return Err(ReadError::Closed),
+                Ok(0) => return Err(ReadError::Closed),
                 Ok(len) => len,
+                // The daemon left with our subscription unread; what it said before can be read still.
+                Err(Errno::ECONNRESET) => continue,
                 Err(errno) => return Err(ReadError::Socket(errno.into())),
             };
             if len > self.buffer.len() {

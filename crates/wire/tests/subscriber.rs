@@ -142,6 +142,20 @@ fn who_was_turned_away_before_it_could_subscribe_is_told_why() {
 }
 
 #[test]
+fn who_is_let_go_while_its_subscription_is_unread_is_told_why() {
+    let (mut subscriber, client) = connected();
+    subscriber.subscribe(&Subscribe::default()).unwrap();
+    let why = "128 subscribers are connected already";
+    client.send(&Event::new(EventKind::Disconnect, why).to_packet(0, 0));
+    drop(client);
+    match subscriber.next().unwrap() {
+        Received::Event(_, event) => assert_eq!(event.message, why),
+        other => panic!("{other:?}"),
+    }
+    assert!(matches!(subscriber.next(), Err(ReadError::Closed)));
+}
+
+#[test]
 fn raw_counts_status_and_events_come_decoded() {
     let (mut subscriber, client) = connected();
     let names = [

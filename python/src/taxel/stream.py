@@ -3,7 +3,7 @@
 import time
 from typing import Any, Dict, Iterator, Optional, Sequence, overload
 
-from . import messages
+from . import _reader, messages
 from .arguments import Path, deadline, wanted
 from .subscription import RETRY_S, Subscription
 
@@ -96,8 +96,8 @@ def connect(
 
     `raw` asks for the counts of every taxel too, `status` for the daemon's status once a second, `every` for every
     frame in order instead of the newest, `profile` states what the display can do and `region` which parts of the hand
-    it shows. Raises OSError where no daemon runs, unless `wait` is true; once connected, a daemon that goes is waited
-    for.
+    it shows. Raises OSError where no daemon runs, or it has no place for this client, unless `wait` is true; once
+    connected, a daemon that goes is waited for.
     """
     stream = Stream(path, wanted(raw, status, every, max_rate_hz, profile, region))
     try:
@@ -109,4 +109,8 @@ def connect(
         if not wait:
             text = f"no taxeld listens at {stream._path}; start one, or connect with wait=True"
             raise type(error)(error.errno, text) from None
+    except _reader.Closed as error:
+        if not wait:
+            raise
+        stream._lose(error)
     return stream
