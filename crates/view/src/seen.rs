@@ -38,6 +38,7 @@ pub struct Seen {
     joints_known: u64,
     most_contacts: u32,
     most_actuators: usize,
+    /// Since when the baseline in use is measured, where that was seen.
     calibrated_ns: Option<u64>,
     scale: Scale,
     history: History,
@@ -256,16 +257,19 @@ impl Seen {
         newest.contacts = image.contacts;
         newest.missing = image.missing;
         newest.faulty = image.faulty;
+        let was_calibrating = newest.calibrating;
         newest.calibrating = header.flags.contains(Flags::CALIBRATING);
+        match newest.calibrating {
+            true => self.calibrated_ns = None,
+            false if was_calibrating => self.calibrated_ns = Some(header.t_ns),
+            false => {}
+        }
         newest.actuators.clear();
         newest.actuators.extend(image.actuators());
         newest.joints.clear();
         newest.joints.extend(image.joints());
         let known = !newest.joints.is_empty() && newest.joints.iter().all(|angle| angle.is_finite());
         self.joints_known += u64::from(known);
-        if !newest.calibrating && self.calibrated_ns.is_none() {
-            self.calibrated_ns = Some(header.t_ns);
-        }
         let forces = newest.actuators.iter().map(|a| f64::from(a.force));
         self.scale.see(greatest_of_most(forces), header.t_ns);
     }
@@ -422,7 +426,10 @@ impl Seen {
             contact_ratio: of_images(self.in_contact),
             most_contacts: self.most_contacts,
             most_actuators: self.most_actuators,
+            calibrating: self.newest.calibrating,
             calibrated_s: self.calibrated_ns.map(since_began_s),
+            paused: self.status.as_ref().map(|_| self.paused),
+            gone: self.gone.clone(),
             missing: self.newest.missing,
             faulty: self.newest.faulty,
             joints: self.newest.joints.len(),
@@ -432,7 +439,7 @@ impl Seen {
                 .iter()
                 .filter(|angle| angle.is_finite())
                 .count(),
-            joints_known_ratio: of_images(self.joints_known),
+            joints_known_ratio: (!self.newest.joints.is_empty()).then(|| of_images(self.joints_known)),
             unlooked: clock
                 .filter(|_| problems.is_none())
                 .map(|clock| unlooked(clock == Clock::Recording)),

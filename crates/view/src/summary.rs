@@ -31,8 +31,15 @@ pub struct Summary {
     pub most_contacts: u32,
     /// The most actuators that press in one image.
     pub most_actuators: usize,
-    /// When the baseline was measured, seconds from the start; before it below 0, `None` where it is measured still.
+    /// Whether the baseline is measured still.
+    pub calibrating: bool,
+    /// When that was done, seconds from the start, below 0 before it; `None` while it is measured, and where it was before
+    /// the first image.
     pub calibrated_s: Option<f64>,
+    /// Whether no contact is shown at the end, since displays were told to let go; `None` where nobody has told.
+    pub paused: Option<bool>,
+    /// Why there is no daemon at the end, if so.
+    pub gone: Option<String>,
     /// Taxels without a value in the last image.
     pub missing: u32,
     /// Taxels out of use in the last image.
@@ -41,8 +48,8 @@ pub struct Summary {
     pub joints: usize,
     /// Those whose angle is known in the last image.
     pub joints_known: usize,
-    /// Images in which all angles were known, of those that came.
-    pub joints_known_ratio: f64,
+    /// Images in which all angles were known, of those that came; `None` where no joints are read.
+    pub joints_known_ratio: Option<f64>,
     /// What is wrong, errors first; `None` where nobody has told.
     pub problems: Option<Vec<ProblemStatus>>,
     /// Why there are none, in words.
@@ -83,28 +90,32 @@ impl fmt::Display for Summary {
         }
         writeln!(
             f,
-            "contact    in {:.0} % of images, up to {} taxels and {} actuators",
+            "contact    in {:.0} % of images, up to {} taxels and {} actuators{}",
             100.0 * self.contact_ratio,
             self.most_contacts,
-            self.most_actuators
+            self.most_actuators,
+            match self.paused {
+                Some(true) => "; paused at the end, when none is shown",
+                _ => "",
+            }
         )?;
         let calibrated = match self.calibrated_s {
-            Some(s) if s < 0.0 => "calibrated before the start".into(),
-            Some(s) => format!("calibrated {s:.1} s after the start"),
-            None => "still calibrating".into(),
+            _ if self.calibrating => "still calibrating".into(),
+            Some(s) if s >= 0.0 => format!("calibrated {s:.1} s after the start"),
+            _ => "calibrated before the start".into(),
         };
         writeln!(
             f,
             "taxels     {calibrated}; {} missing and {} faulty at the end",
             self.missing, self.faulty
         )?;
-        if self.joints > 0 {
+        if let Some(known_ratio) = self.joints_known_ratio {
             writeln!(
                 f,
                 "joints     {} of {} known at the end, all of them in {:.1} % of images",
                 self.joints_known,
                 self.joints,
-                100.0 * self.joints_known_ratio
+                100.0 * known_ratio
             )?;
         }
         if let Some(unlooked) = self.unlooked {

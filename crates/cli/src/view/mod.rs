@@ -44,12 +44,14 @@ const GLANCE_S: f64 = 2.0;
 With --json, it prints one object instead:
   {\"name\",\"layout\",\"taxels\",\"method\",\"levels\",\"actuators\",\"images\",\"seconds\",\"hz\",\"received\",\"max_rate_hz\",
    \"skipped\",\"latency_p50_us\",\"latency_p99_us\",\"latency_max_us\",\"contact_ratio\",\"most_contacts\",
-   \"most_actuators\",\"calibrated_s\",\"missing\",\"faulty\",\"joints\",\"joints_known\",\"joints_known_ratio\",
-   \"problems\",\"out_of_use\":[sentences],\"raw_bits_per_s\",\"image_bits_per_s\",\"compression_ratio\"}
+   \"most_actuators\",\"calibrating\",\"calibrated_s\",\"paused\",\"gone\",\"missing\",\"faulty\",\"joints\",
+   \"joints_known\",\"joints_known_ratio\",\"problems\",\"out_of_use\":[sentences],\"raw_bits_per_s\",
+   \"image_bits_per_s\",\"compression_ratio\"}
 images counts those made, received those that came: of a daemon at most max_rate_hz are asked for.
-Null are latencies where images have no time of this machine's clock, calibrated_s while the
-baseline is measured (below 0: before the start), and problems where nobody has told; else these are
-those of `taxel status --json`.
+Null are latencies where images have no time of this machine's clock, calibrated_s where the end of a
+calibration was not seen, joints_known_ratio without joints, gone while the daemon is there (else why
+it is not), and paused and problems where nobody has told; else problems are those of `taxel
+status --json`. Where no image came, or the daemon is gone at the end, it ends with 1.
 
 Examples:
   taxel view                           the daemon on this machine

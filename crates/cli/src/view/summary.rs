@@ -1,10 +1,12 @@
 //! What was seen in the end: a few lines for people, one object for programs.
 
 use crate::stdout;
-use anyhow::anyhow;
+use anyhow::{Context, bail};
 use serde::Serialize;
 use serde_json::{Value, json};
 use taxel_view::{Seen, Summary};
+
+const NO_HAND: &str = "no description of a hand came";
 
 /// One JSON object: of whom it is, and the figures of the whole time.
 #[derive(Serialize)]
@@ -26,7 +28,7 @@ struct Object<'a> {
 /// # Errors
 /// Where no hand was described.
 pub(crate) fn object(seen: &Seen, name: &str, began_ns: u64, more: Value) -> anyhow::Result<String> {
-    let hello = seen.hello().ok_or_else(|| anyhow!("{name}: {}", why_not(seen)))?;
+    let hello = seen.hello().context(NO_HAND)?;
     let object = Object {
         name,
         layout: &hello.layout,
@@ -41,25 +43,66 @@ pub(crate) fn object(seen: &Seen, name: &str, began_ns: u64, more: Value) -> any
 }
 
 /// Prints what was seen, for whoever has no terminal.
+///
+/// # Errors
+/// Where no image came, and, once it is printed, where the daemon is gone at the end.
 pub(super) fn print(seen: &Seen, name: &str, began_ns: u64, as_json: bool) -> anyhow::Result<()> {
-    if as_json {
-        return stdout::print(&object(seen, name, began_ns, json!({}))?);
+    if seen.images() == 0 {
+        bail!("{name}: {}", seen.gone().unwrap_or("no image came"));
     }
-    let text = match seen.hello() {
-        Some(hello) => format!(
-            "{name}: {}, {} taxels; method {}, {} levels, {} actuators\n",
+    if as_json {
+        stdout::print(&object(seen, name, began_ns, json!({}))?)?;
+    } else {
+        let hello = seen.hello().context(NO_HAND)?;
+        stdout::print(&format!(
+            "{name}: {}, {} taxels; method {}, {} levels, {} actuators\n{}",
             hello.layout,
             hello.taxels.len(),
             hello.profile.method,
             hello.profile.levels,
             hello.profile.actuators,
-        ),
-        None => format!("{name}: {}\n", why_not(seen)),
-    };
-    stdout::print(&format!("{text}{}", seen.summary(began_ns)))
+            seen.summary(began_ns)
+        ))?;
+    }
+    match seen.gone() {
+        Some(why) => bail!("{name}: {why}"),
+        None => Ok(()),
+    }
 }
 
-/// Why no hand was described.
-fn why_not(seen: &Seen) -> &str {
-    seen.gone().unwrap_or("no description of a hand came")
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use taxel_hand::{Profile, TactileImage};
+    use taxel_skin::Layout;
+    use taxel_wire::{Clock, Header, Hello, HelloRate, ImageView, encode_image_payload};
+
+    #[test]
+    fn figures_of_a_daemon_that_is_gone_are_told_with_why_and_no_image_is_no_figure() {
+        let layout = Layout::builtin("uskin-module").unwrap();
+        let rate = HelloRate {
+            mode: "timer".into(),
+            hz: None,
+        };
+        let mut seen = Seen::new();
+        let hello = Hello::new("taxeld", &layout, &Profile::default(), rate, Clock::Monotonic);
+        seen.see_hello(&hello, 0);
+        let failure = |seen: &Seen| print(seen, "hand", 0, true).map_err(|error| error.to_string());
+        assert_eq!(failure(&seen), Err("hand: no image came".into()));
+        let image = TactileImage {
+            width: 1,
+            height: 1,
+            pixels: vec![0],
+            ..TactileImage::default()
+        };
+        let mut payload = Vec::new();
+        encode_image_payload(&image, &mut payload).unwrap();
+        let header = Header::of_image(&image, payload.len());
+        seen.see_image(&header, &ImageView::decode(&payload).unwrap(), 1);
+        assert_eq!(failure(&seen), Ok(()));
+        seen.set_gone("it ended");
+        assert_eq!(failure(&seen), Err("hand: it ended".into()));
+        let object: Value = serde_json::from_str(&object(&seen, "hand", 0, json!({})).unwrap()).unwrap();
+        assert_eq!(object["gone"], json!("it ended"));
+    }
 }

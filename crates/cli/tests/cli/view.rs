@@ -71,6 +71,11 @@ fn without_a_terminal_a_recording_is_read_to_its_end_and_summed_up() {
         assert!(out.contains(&part), "{part}: {out}");
     }
     fails(&dir, &["view", "tap.log", "--json", "--svg", "a.svg"], 2);
+    for as_json in [&["--json"][..], &[]] {
+        let short = [&["view", "tap.log", "--seconds", "0.001"], as_json].concat();
+        let err = fails(&dir, &short, 1);
+        assert!(err.contains("tap.log: no image came"), "{err}");
+    }
 }
 
 #[test]

@@ -31,6 +31,11 @@ fn seen() -> Seen {
 
 /// Image `index` at 50 Hz, with as many passed over before it.
 fn see(seen: &mut Seen, index: u64, skipped: u32, force: f64) {
+    see_while(seen, index, skipped, force, Flags::default());
+}
+
+/// The same, of a frame with these flags.
+fn see_while(seen: &mut Seen, index: u64, skipped: u32, force: f64, flags: Flags) {
     let image = TactileImage {
         seq: index,
         t_ns: SECOND_NS + index * 20_000_000,
@@ -50,7 +55,8 @@ fn see(seen: &mut Seen, index: u64, skipped: u32, force: f64) {
     };
     let mut payload = Vec::new();
     encode_image_payload(&image, &mut payload).unwrap();
-    let header = Header::of_image(&image, payload.len()).with_skipped(skipped);
+    let mut header = Header::of_image(&image, payload.len()).with_skipped(skipped);
+    header.flags |= flags;
     seen.see_image(
         &header,
         &ImageView::decode(&payload).unwrap(),
@@ -77,7 +83,7 @@ fn rate_and_latency_are_those_of_the_images() {
         "images     200 in 4.0 s, 50.0 Hz",
         "p50 0.25 ms",
         "in 100 % of images, up to 1 taxels",
-        "calibrated 0.0 s after the start",
+        "calibrated before the start",
     ] {
         assert!(summary.contains(part), "{part}: {summary}");
     }
@@ -229,6 +235,51 @@ fn what_became_of_a_key_is_not_replaced_by_what_happens_meanwhile() {
     seen.say("two", 11 * SECOND_NS);
     let picture = seen.picture(&Screen::new(), 11 * SECOND_NS).unwrap();
     assert_eq!(picture.note.as_deref(), Some("two"));
+}
+
+#[test]
+fn a_summary_has_no_figure_that_nobody_measured() {
+    let mut seen = seen();
+    see(&mut seen, 0, 0, 10.0);
+    let summary = seen.summary(SECOND_NS);
+    assert_eq!(
+        (summary.calibrated_s, summary.joints_known_ratio, summary.paused),
+        (None, None, None)
+    );
+    assert!(!summary.calibrating && summary.gone.is_none());
+    seen.see_status(serde_json::json!({ "paused": true }));
+    seen.set_gone("it ended");
+    let summary = seen.summary(SECOND_NS);
+    assert_eq!(
+        (summary.paused, summary.gone.as_deref()),
+        (Some(true), Some("it ended"))
+    );
+    assert!(summary.to_string().contains("paused at the end"), "{summary}");
+}
+
+#[test]
+fn when_the_baseline_was_measured_is_told_where_that_was_seen() {
+    let mut seen = seen();
+    for (index, flags, wanted) in [
+        (0, Flags::default(), "calibrated before the start"),
+        (1, Flags::CALIBRATING, "still calibrating"),
+        (50, Flags::default(), "calibrated 1.0 s after the start"),
+        (51, Flags::CALIBRATING, "still calibrating"),
+        (100, Flags::default(), "calibrated 2.0 s after the start"),
+        (101, Flags::default(), "calibrated 2.0 s after the start"),
+    ] {
+        see_while(&mut seen, index, 0, 10.0, flags);
+        let summary = seen.summary(SECOND_NS).to_string();
+        assert!(summary.contains(wanted), "{wanted}: {summary}");
+    }
+    see_while(&mut seen, 102, 0, 10.0, Flags::CALIBRATING);
+    see(&mut seen, 150, 0, 10.0);
+    let before = seen.summary(5 * SECOND_NS);
+    assert_eq!(before.calibrated_s, Some(-1.0));
+    assert!(
+        before.to_string().contains("calibrated before the start"),
+        "{before}"
+    );
 }
 
 #[test]
