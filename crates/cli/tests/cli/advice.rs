@@ -359,3 +359,59 @@ fn the_shortest_touch_is_named_where_others_lose_frames() {
         "{err}"
     );
 }
+
+#[test]
+fn what_is_said_of_columns_of_xela_leads_to_pictures_of_as_many_taxels() {
+    let dir = TempDir::new().unwrap();
+    for (taxels, layout, advice, followed) in [
+        (
+            240,
+            "allegro-xela-18",
+            "--layout grid:60x4 (modules of 4x4 below one another) or grid:40x6 (",
+            "grid:60x4",
+        ),
+        (
+            24,
+            "allegro-uskin-15",
+            "row by row: --layout grid:4x6\n",
+            "grid:4x6",
+        ),
+        (
+            16,
+            "allegro-uskin-15",
+            "row by row: --layout grid:4x4\n",
+            "grid:4x4",
+        ),
+        (32, "allegro-uskin-15", "--layout grid:8x4 (modules", "grid:8x4"),
+        (30, "allegro-uskin-15", "--layout grid:HxW\n", "grid:5x6"),
+    ] {
+        let names: Vec<String> = (1..=taxels)
+            .map(|n| format!("txl{n}_x,txl{n}_y,txl{n}_z"))
+            .collect();
+        let line = vec!["20000,20001,20002"; taxels].join(",");
+        std::fs::write(
+            dir.path().join("in.csv"),
+            format!("{}\n{}", names.join(","), format!("{line}\n").repeat(60)),
+        )
+        .unwrap();
+        let compress = |layout| {
+            [
+                "compress", "in.csv", "--rate", "30", "--out", "o.npz", "--layout", layout,
+            ]
+        };
+        let err = fails(&dir, &compress(layout), 1);
+        assert!(err.contains(advice), "{err}");
+        let (_, err) = succeeds(&dir, &compress(followed));
+        assert!(!err.contains("XELA"), "{err}");
+        let err = fails(&dir, &["convert", "in.csv", "o.log", "--layout", followed], 1);
+        assert_eq!(err.contains("uskin-module"), taxels == 16, "{err}");
+        if taxels == 24 {
+            let (_, err) = succeeds(&dir, &compress("uskin-fingertip"));
+            assert!(
+                err.contains("numbers taxels row by row, --layout grid:4x6; uskin-fingertip"),
+                "{err}"
+            );
+            assert!(!err.contains("order"), "{err}");
+        }
+    }
+}

@@ -41,15 +41,18 @@ pub(crate) fn recorded_taxels(
             layout.name,
             layout.len(),
             if recording.is_of_xela() {
-                "XELA's server, whose names these are, numbers the taxels of a module row by row: --layout grid:4x4, grid:4x6 \
-                 or another grid:HxW"
+                format!(
+                    "XELA's server, whose names these are, numbers the taxels of a module row by row: {}",
+                    grids_of_modules(taxels)
+                )
             } else if 3 * taxels == layout.len() && !recording.column_names().is_empty() {
-                "they are counts x y z by the names of its columns; without its header (`tail -n +2`) all are magnitudes"
+                "they are counts x y z by the names of its columns; without its header (`tail -n +2`) all are magnitudes".into()
             } else if layout.modules.iter().all(|m| usize::from(m.taxels) == taxels) {
-                "repeat it on every module with --tile, or use --layout uskin-module"
+                "repeat it on every module with --tile, or use --layout uskin-module".into()
             } else {
                 "name the hand it was recorded on with --layout, or grid:HxW; magnitudes of T x H x 3 cells are told by \
                  --layout grid:Hx3"
+                    .into()
             }
         );
     }
@@ -66,11 +69,33 @@ pub fn tell_rows(recording: &Recording, layout: &Layout) {
     let mut next = taxels.filter_map(|taxels| Some((taxels.first()?, taxels.get(1)?)));
     let is_drawn_otherwise = next.any(|(a, b)| a.x.abs_diff(b.x) + a.y.abs_diff(b.y) > 1);
     if recording.is_of_xela() && is_drawn_otherwise {
+        let order = match layout.modules.iter().all(|module| module.taxels == 16) {
+            true => format!(", whose order is {IN_ORDER_OF_CHIPS}"),
+            false => String::new(),
+        };
         remark!(
-            "taxel: {}: XELA's server, whose names these are, numbers taxels row by row, --layout grid:4x4; {} takes them for \
-             the chips of a board, whose order is {IN_ORDER_OF_CHIPS}",
+            "taxel: {}: XELA's server, whose names these are, numbers taxels row by row, {}; {} takes them for the chips of a \
+             board{order}",
             recording.name(),
+            grids_of_modules(recording.taxels()),
             layout.name
         );
+    }
+}
+
+/// The grids that so many taxels are, numbered row by row of modules of 4x4 or 4x6, which stand below one another.
+fn grids_of_modules(taxels: usize) -> String {
+    let widths = [4, 6]
+        .into_iter()
+        .filter(|width| taxels.is_multiple_of(4 * width));
+    let grids: Vec<String> = widths
+        .map(|width| match taxels / width {
+            4 => format!("grid:4x{width}"),
+            rows => format!("grid:{rows}x{width} (modules of 4x{width} below one another)"),
+        })
+        .collect();
+    match grids[..] {
+        [] => "--layout grid:HxW".into(),
+        _ => format!("--layout {}", grids.join(" or ")),
     }
 }

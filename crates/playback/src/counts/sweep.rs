@@ -48,7 +48,7 @@ impl<'a> Sweeps<'a> {
     pub fn new(recording: &'a Recording, layout: &'a Layout, tile: bool) -> anyhow::Result<Self> {
         let name = recording.name();
         if layout.buses.is_empty() {
-            let of_xela = match recording.is_of_xela() {
+            let of_xela = match recording.is_of_xela() && recording.taxels() == 16 {
                 true => format!(
                     ", of one 4x4 module uskin-module, and put the taxels into its order: {IN_ORDER_OF_CHIPS}"
                 ),
