@@ -115,7 +115,7 @@ pub(crate) fn run(args: &Args) -> anyhow::Result<()> {
         .map(PathBuf::as_path)
         .collect();
     refuse_overlap(&outputs, &args.offline.inputs())?;
-    let input = args.offline.input.open()?;
+    let input = args.offline.open()?;
     let mut config = args.offline.configure(&input)?;
     if let Some(method) = args.method {
         config.set_method(method, None);

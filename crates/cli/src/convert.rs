@@ -110,7 +110,7 @@ pub(crate) fn run(args: &Args) -> anyhow::Result<()> {
     args.offline
         .refuse_profile(&out.display().to_string(), as_it_is)?;
     refuse_overlap(&[out], &args.offline.inputs())?;
-    let input = args.offline.input.open()?;
+    let input = args.offline.open()?;
     let interrupt = Interrupt::install()?;
     let check = || match interrupt.is_set() {
         true => bail!("stopped; {} was not written", out.display()),

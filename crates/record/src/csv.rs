@@ -24,7 +24,8 @@ const MAX_COLUMNS: usize = 200_000;
 ///
 /// The first line that is neither empty nor begins with `#` shows what separates: a semicolon if it has one, else a comma,
 /// a tab, a bar, or one or more blanks. If its first cell that is not empty is no number, it is a header. An empty cell is a
-/// value that is not there, but for one that a separator at the end of a line leaves behind the last column. Columns called
+/// value that is not there, but for one that a separator at the end of a line leaves behind the last column: where names or
+/// lines before do not say which that is, it is one of them that [`ReadOptions::columns`] needs for threes. Columns called
 /// `{board}B{taxel}X`, `..Y`, `..Z`, with or without a leading `{finger}F` (docs/protocols.md, "uSkin on a hand"), are raw
 /// counts: taxels are numbered by finger, board and taxel, whatever the order of the columns. Columns called `J{n}`,
 /// `joint{n}` or `joint_{n}` are joint angles, radians, in the order of their numbers. The first column called `time`,
@@ -52,17 +53,25 @@ pub(crate) fn read(path: &Path, options: &ReadOptions) -> Result<Table, RecordEr
         if is_first && record[0].starts_with(b"sep=") {
             continue;
         }
-        let is_short = |columns| record.len() == columns + 1;
-        if ends_with_separator(record) && frames.meaning.columns.is_none_or(is_short) {
+        let ends_behind_columns = match frames.meaning.columns {
+            Some(columns) => record.len() == columns + 1,
+            None => !are_counts(record.len(), options) || is_header(record),
+        };
+        let is_cut = ends_with_separator(record) && ends_behind_columns;
+        if is_cut {
             record.truncate(record.len() - 1);
         }
         if std::mem::take(&mut is_first) && is_header(record) {
             refuse_log_of_python_can(record, path).map_err(refuse)?;
             frames.meaning = LineColumns::of_header(record, options).map_err(refuse)?;
         } else {
-            frames.begins_with_numbers |= frames.meaning.columns.is_none()
+            frames.may_lack_one |= is_cut && ends_with_separator(record) && frames.meaning.columns.is_none();
+            let begins_with_numbers = frames.meaning.columns.is_none()
                 && record.len() >= FEWEST_NUMBERS
                 && are_numbers(record.iter());
+            if begins_with_numbers {
+                frames.names_line = Some(lines.number);
+            }
             frames.take(record).map_err(|reason| {
                 let is_text = frames.is_behind_header() && reason.ends_with(NO_NUMBER);
                 // As in a preamble, which is taken for the header.
@@ -147,8 +156,10 @@ impl<'a, R: Read> Lines<'a, R> {
 struct Frames {
     meaning: LineColumns,
     frames: usize,
-    /// Whether the first one may be the numbers of its columns.
-    begins_with_numbers: bool,
+    /// The line of the first one, where that may be the numbers of its columns.
+    names_line: Option<u64>,
+    /// Whether the first of lines without names ends with an empty cell and a separator, behind which may be one more.
+    may_lack_one: bool,
     values: Vec<f64>,
     times_ns: Vec<u64>,
     joints: Vec<f32>,
@@ -161,7 +172,8 @@ impl Frames {
         Self {
             meaning,
             frames: 0,
-            begins_with_numbers: false,
+            names_line: None,
+            may_lack_one: false,
             values: Vec::new(),
             times_ns: Vec::new(),
             joints: Vec::new(),
@@ -228,7 +240,8 @@ impl Frames {
             without_value: None,
             unitless_time: meaning.unitless,
             names: ColumnNames {
-                may_be_first_frame: self.begins_with_numbers,
+                may_be_line: self.names_line,
+                may_lack_one: self.may_lack_one,
                 ..meaning.names
             },
         })
@@ -275,6 +288,13 @@ fn is_blank(record: &ByteRecord) -> bool {
         return true;
     };
     (record.len() == 1 && first.trim_ascii().is_empty()) || first.trim_ascii().starts_with(b"#")
+}
+
+/// Whether columns without names are x, y and z of taxels by the options, if there are so many of them.
+fn are_counts(columns: usize, options: &ReadOptions) -> bool {
+    let others = options.joint_columns + usize::from(options.time_column.is_some());
+    let values = columns.checked_sub(others);
+    options.columns.is_some() && values.is_some_and(|values| values.is_multiple_of(3))
 }
 
 /// Whether a line, of more than one cell, has nothing in its last one.

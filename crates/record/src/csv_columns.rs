@@ -111,7 +111,7 @@ impl LineColumns {
         let names_of_columns = ColumnNames {
             values: named(&values),
             left_out: named(&left_out),
-            may_be_first_frame: false,
+            ..ColumnNames::default()
         };
         let places = Places { values, joints };
         Ok(Self {

@@ -35,6 +35,8 @@ pub enum RecordError {
         taxel: usize,
         /// Cells of a frame.
         cells: usize,
+        /// Whether there may be one more: the first line of a .csv ends with an empty cell and a separator.
+        may_lack_one: bool,
     },
     /// A readable file that does not hold what was asked for: its arrays or their shape.
     #[error("{at} {holds}")]

@@ -25,7 +25,7 @@ impl Meaning {
     /// Of an array of this shape, whose file says this of its columns.
     ///
     /// `T x H x W x 3` is counts, and so is `T x H x 3`, of `H` taxels, unless the options say that frames are images of
-    /// `H x 3` or have void cells.
+    /// `H x 3` or have void cells. `T x N` is images where the options say that frames are of N cells and some are void.
     pub(crate) fn of(
         at: &str,
         shape: &[usize],
@@ -61,6 +61,13 @@ impl Meaning {
             })
         };
         let meaning = match (shape, columns.or(options.columns)) {
+            (&[_, n], None) if options.void.is_some() && options.image.is_some_and(|(h, w)| h * w == n) => {
+                Self {
+                    taxels: n,
+                    image: options.image,
+                    counts: None,
+                }
+            }
             (&[_, n], None) => Self {
                 taxels: n,
                 image: None,

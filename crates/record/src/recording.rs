@@ -74,7 +74,14 @@ impl Recording {
                 };
                 let (frames, cells) = without_void(&at, taxels, values, void)?;
                 let may_be_missing = options.void == Some(Void::Nan);
-                let mut frames = magnitudes(&at, cells.as_deref(), taxels, frames, may_be_missing)?;
+                let mut frames = magnitudes(
+                    &at,
+                    cells.as_deref(),
+                    taxels,
+                    frames,
+                    may_be_missing,
+                    names.may_lack_one,
+                )?;
                 if let Some(idle) = options.idle_frames {
                     idle::subtract(&at, frames.len() / shape[0], idle, &mut frames)?;
                 }
@@ -216,9 +223,10 @@ impl Recording {
         &self.names.left_out
     }
 
-    /// Whether the first frame of a file without names is 0, 1, 2, 3, ...: the names that pandas gives columns without one.
-    pub fn may_begin_with_names(&self) -> bool {
-        self.names.may_be_first_frame
+    /// The line of the first frame of a file without names, from 1, where that is 0, 1, 2, 3, ...: the names that pandas gives
+    /// columns without one.
+    pub fn names_line(&self) -> Option<u64> {
+        self.names.may_be_line
     }
 
     /// Time of frame `index`, nanoseconds: as recorded, or `index` divided by the rate.
@@ -328,6 +336,7 @@ fn magnitudes(
     all: usize,
     values: Vec<f64>,
     may_be_missing: bool,
+    may_lack_one: bool,
 ) -> Result<Vec<f64>, RecordError> {
     let bad = |value: &f64| !(value.is_finite() || may_be_missing && value.is_nan());
     let Some(i) = values.iter().position(bad) else {
@@ -344,6 +353,7 @@ fn magnitudes(
             frame,
             taxel,
             cells: all,
+            may_lack_one,
         });
     }
     let reason = format!("frame {frame}, taxel {taxel} is {value}; a magnitude is a finite number");

@@ -68,8 +68,10 @@ pub(crate) struct ColumnNames {
     pub(crate) values: Vec<String>,
     /// Those that are neither values, joint angles nor the time of a frame.
     pub(crate) left_out: Vec<String>,
-    /// Whether the first frame is 0, 1, 2, ..., as pandas names columns.
-    pub(crate) may_be_first_frame: bool,
+    /// The line of the first frame, where that is 0, 1, 2, ..., as pandas names columns.
+    pub(crate) may_be_line: Option<u64>,
+    /// Whether there may be one more column, which is empty as the one before it at the end of the first line.
+    pub(crate) may_lack_one: bool,
 }
 
 /// A file's numbers before it is decided what they mean: row-major, with the file's own shape.

@@ -8,10 +8,12 @@ pub(crate) fn of_columns(recording: &Recording) -> impl Iterator<Item = String> 
     let left_out: Vec<String> = left_out.map(|column| format!("{column:?}")).collect();
     let left_out =
         (!left_out.is_empty()).then(|| format!("left out, since no taxels: column {}", left_out.join(", ")));
-    let names = recording.may_begin_with_names().then(|| {
-        "its first line, 0, 1, 2, .., is taken for a frame; where these are pandas' names of columns, cut it off \
-         (`tail -n +2`)"
-            .to_owned()
+    let names = recording.names_line().map(|line| {
+        let what = if line == 1 { "its first line" } else { "the first of its lines with numbers" };
+        format!(
+            "{what}, 0, 1, 2, .., is taken for a frame; where these are pandas' names of columns, cut it off (`tail -n +{}`)",
+            line + 1
+        )
     });
     left_out.into_iter().chain(names)
 }

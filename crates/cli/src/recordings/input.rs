@@ -87,6 +87,11 @@ impl Input {
 impl InputArgs {
     /// Opens the recording.
     pub(crate) fn open(&self) -> anyhow::Result<Input> {
+        self.open_of(|| self.hand(None, DEFAULT_LAYOUT))
+    }
+
+    /// Opens the recording of this hand.
+    pub(crate) fn open_of(&self, hand: impl FnOnce() -> anyhow::Result<Layout>) -> anyhow::Result<Input> {
         if let Some(scene) = self.scene() {
             self.refuse_file_options(&format!("sim:{scene}"))?;
             return Ok(Input::Scene(Box::new(Scene::resolve(&scene)?)));
@@ -128,7 +133,7 @@ impl InputArgs {
             void: self.void.clone(),
             idle_frames: self.idle,
         };
-        let recording = Recording::open(&self.path, &options).map_err(|error| self.advised(error))?;
+        let recording = Recording::open(&self.path, &options).map_err(|error| self.advised(error, hand))?;
         let name = recording.name();
         let of_times = assumed::of_times(&recording, &options, "--time-column UNIT says otherwise");
         for sentence in assumed::of_columns(&recording).chain(of_times) {
@@ -139,14 +144,22 @@ impl InputArgs {
     }
 
     /// Says of cells that are not a number what they may be: of a taxel without counts, or of none.
-    fn advised(&self, error: RecordError) -> anyhow::Error {
-        let RecordError::NotANumber { cells, .. } = error else {
+    fn advised(&self, error: RecordError, hand: impl FnOnce() -> anyhow::Result<Layout>) -> anyhow::Error {
+        let RecordError::NotANumber {
+            cells, may_lack_one, ..
+        } = error
+        else {
             return error.into();
         };
         let void = "--void nan says that cells which are no number are no taxels";
-        let hand = self.hand(None, DEFAULT_LAYOUT).ok().filter(|_| self.is_csv());
-        match hand.and_then(|hand| magnitudes::counts_of(cells, hand.len(), true)) {
-            Some(counts) => anyhow::anyhow!("{error}; of these {cells} columns {counts}; {void}"),
+        let counts = hand().ok().filter(|_| self.is_csv()).and_then(|hand| {
+            let counts = |columns| Some((columns, magnitudes::counts_of(columns, hand.len(), true)?));
+            counts(cells + usize::from(may_lack_one)).or_else(|| counts(cells))
+        });
+        match counts {
+            Some((columns, counts)) => {
+                anyhow::anyhow!("{error}; of these {columns} columns {counts}; {void}")
+            }
             None => anyhow::anyhow!("{error}; {void}"),
         }
     }

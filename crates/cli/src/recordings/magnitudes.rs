@@ -53,6 +53,11 @@ pub(crate) fn of_another_size(recording: &Recording, layout: &Layout, input: &In
 pub(crate) fn counts_of(columns: usize, taxels: usize, is_csv: bool) -> Option<String> {
     match columns.checked_sub(3 * taxels)? {
         0 => Some("say with --columns xyz-interleaved or xyz-blocks that they are x y z counts".into()),
+        1 if is_csv => Some(
+            "say with --columns xyz-interleaved --time-column UNIT that the first is time and the others x y z counts, or with \
+             --joint-columns 1 in place of --time-column that the last is a joint angle"
+                .into(),
+        ),
         joints @ 1..=64 if is_csv => Some(format!(
             "say with --columns xyz-interleaved --joint-columns {joints} that they are x y z counts and {joints} joint \
              angles, or {} where the first column is time, --time-column UNIT",

@@ -135,6 +135,11 @@ impl OfflineArgs {
         Ok(self.configured()?.map(|config| config.layout))
     }
 
+    /// Opens the recording.
+    pub(crate) fn open(&self) -> anyhow::Result<Input> {
+        self.input.open_of(|| self.hand(DEFAULT_LAYOUT))
+    }
+
     /// The hand that the recording is of ([`InputArgs::hand`]).
     pub(crate) fn hand(&self, default: &str) -> anyhow::Result<Layout> {
         self.input.hand(self.configured()?.as_ref(), default)

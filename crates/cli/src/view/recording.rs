@@ -92,7 +92,7 @@ pub(super) fn run(
     }
     // What keeps the file from being read is said before the terminal is taken.
     let remarks = Remarks::gather();
-    recording.configure(&recording.input.open()?)?;
+    recording.configure(&recording.open()?)?;
     let thread = {
         let (player, recording) = (player.clone(), recording.clone());
         std::thread::Builder::new()
@@ -147,7 +147,7 @@ impl Player {
     }
 
     fn play(&self, recording: &OfflineArgs) -> anyhow::Result<()> {
-        let input = recording.input.open()?;
+        let input = recording.open()?;
         let config = recording.configure(&input)?;
         let rate = HelloRate {
             mode: "recording".into(),

@@ -259,6 +259,9 @@ fn columns_of_a_table_that_are_no_taxels_are_told() {
         err.contains("in.csv: its first line, 0, 1, 2, .., is taken for a frame; where these are pandas' names of columns"),
         "{err}"
     );
+    write("# mine\n0,1,2,3\n5,6,7,9\n");
+    let (_, err) = succeeds(&dir, &compress(&["--layout", "grid:2x2"]));
+    assert!(err.contains("cut it off (`tail -n +3`)"), "{err}");
     write("fx,fy,fz\n1,2,3\n");
     let err = fails(&dir, &compress(&["--layout", "grid:1x3"]), 1);
     assert!(
@@ -414,4 +417,57 @@ fn what_is_said_of_columns_of_xela_leads_to_pictures_of_as_many_taxels() {
             assert!(!err.contains("order"), "{err}");
         }
     }
+}
+
+#[test]
+fn rows_of_the_hand_of_a_configuration_lead_to_their_columns_also_where_the_last_taxel_is_silent() {
+    let dir = TempDir::new().unwrap();
+    std::fs::write(dir.path().join("hand.toml"), "layout = \"uskin-module\"\n").unwrap();
+    let of_hand = [
+        "compress",
+        "in.csv",
+        "--config",
+        "hand.toml",
+        "--rate",
+        "30",
+        "--out",
+        "o.npz",
+    ];
+    let values = vec!["20000"; 45].join(",");
+    for (line, columns, wanted) in [
+        (
+            format!("{values},,,\n"),
+            48,
+            "say with --columns xyz-interleaved or xyz-blocks",
+        ),
+        (
+            format!(",,,{values}\n"),
+            48,
+            "say with --columns xyz-interleaved or xyz-blocks",
+        ),
+        (
+            format!("7,{values},,,\n"),
+            49,
+            "say with --columns xyz-interleaved --time-column UNIT that the first is time",
+        ),
+    ] {
+        std::fs::write(dir.path().join("in.csv"), line.repeat(60)).unwrap();
+        let err = fails(&dir, &of_hand, 1);
+        assert!(
+            err.contains(&format!("of these {columns} columns {wanted}")),
+            "{err}"
+        );
+        let time: &[&str] = if columns == 49 {
+            &["--time-column", "ms"]
+        } else {
+            &[]
+        };
+        let followed = [&of_hand, &["--columns", "xyz-interleaved"][..], time].concat();
+        succeeds(&dir, &followed);
+    }
+    // Cells of a grid that are no taxels.
+    std::fs::write(dir.path().join("in.csv"), "1,,3,4,5,6\n".repeat(9)).unwrap();
+    let args = ["compress", "in.csv", "--layout", "grid:2x3", "--out", "o.npz"];
+    assert!(fails(&dir, &args, 1).contains("--void nan"));
+    succeeds(&dir, &[&args, &["--void", "nan"][..]].concat());
 }

@@ -3,10 +3,14 @@ use crate::{Recording, Void};
 use tempfile::TempDir;
 
 fn read_text(text: &str, options: &ReadOptions) -> Result<Recording, String> {
+    recording_of(text, options).map_err(|e| e.to_string())
+}
+
+fn recording_of(text: &str, options: &ReadOptions) -> Result<Recording, RecordError> {
     let dir = TempDir::new().unwrap();
     let path = dir.path().join("frames.csv");
     std::fs::write(&path, text).unwrap();
-    Recording::open(&path, options).map_err(|e| e.to_string())
+    Recording::open(&path, options)
 }
 
 #[test]
@@ -198,6 +202,40 @@ fn a_separator_at_the_end_of_lines_is_no_column() {
 }
 
 #[test]
+fn an_empty_cell_at_the_end_is_the_z_of_the_last_taxel_where_threes_need_it() {
+    let options = |joint_columns, time_column| ReadOptions {
+        columns: Some(Columns::XyzInterleaved),
+        joint_columns,
+        time_column,
+        ..ReadOptions::default()
+    };
+    for (text, joint_columns, time_column) in [
+        ("1,2,3,,,\n4,5,6,,,\n", 0, None),
+        ("1,2,3,,,,\n4,5,6,,,,\n", 0, None),
+        ("0,1,2,3,,,\n1,4,5,6,,,\n", 0, Some(TimeUnit::Ms)),
+        ("1,2,3,,,,\n4,5,6,,,,\n", 1, None),
+        ("1,2,3,,,,0.5\n4,5,6,,,,0.5\n", 1, None),
+    ] {
+        let recording = read_text(text, &options(joint_columns, time_column)).unwrap();
+        assert_eq!(recording.counts(1).unwrap(), [Some([4, 5, 6]), None], "{text:?}");
+        assert_eq!(recording.joints(1).len(), joint_columns, "{text:?}");
+    }
+    for (text, wanted) in [
+        ("1,2,,\n", true),
+        ("1,,3,\n", false),
+        ("1,,3\n", false),
+        ("a,b,c,\n1,2,,\n", false),
+    ] {
+        match recording_of(text, &ReadOptions::default()).unwrap_err() {
+            RecordError::NotANumber {
+                cells, may_lack_one, ..
+            } => assert_eq!((cells, may_lack_one), (3, wanted), "{text:?}"),
+            error => panic!("{text:?}: {error}"),
+        }
+    }
+}
+
+#[test]
 fn a_line_without_end_is_refused_before_it_takes_the_memory() {
     let endless = |begin: &str, again: &str| {
         let text = begin.to_owned() + &again.repeat(2 * LINE_BYTES as usize / again.len());
@@ -305,17 +343,19 @@ fn columns_that_are_no_taxels_are_left_out_and_told() {
     // What pandas calls columns without names.
     let recording = read_text(",0,1,2\n0,7,8,9\n", &none).unwrap();
     assert_eq!(recording.magnitudes(0).unwrap(), [7.0, 8.0, 9.0]);
-    for (text, may_be_names) in [
-        ("0,1,2,3\n7,8,9,10\n", true),
-        ("\"0\";\"1\";\"2\";\"3\"\n7;8;9;10\n", true),
-        ("0,1,2\n7,8,9\n", false),
-        ("0.0,1.0,2.0,3.0\n7,8,9,10\n", false),
-        ("7,8,9,10\n0,1,2,3\n", false),
-        ("a,b,c,d\n0,1,2,3\n", false),
-        (",0,1,2,3\n0,7,8,9,10\n", false),
+    for (text, names_line) in [
+        ("0,1,2,3\n7,8,9,10\n", Some(1)),
+        ("\"0\";\"1\";\"2\";\"3\"\n7;8;9;10\n", Some(1)),
+        ("# mine\n\n0,1,2,3\n7,8,9,10\n", Some(3)),
+        ("sep=,\n0,1,2,3\n7,8,9,10\n", Some(2)),
+        ("0,1,2\n7,8,9\n", None),
+        ("0.0,1.0,2.0,3.0\n7,8,9,10\n", None),
+        ("7,8,9,10\n0,1,2,3\n", None),
+        ("a,b,c,d\n0,1,2,3\n", None),
+        (",0,1,2,3\n0,7,8,9,10\n", None),
     ] {
         let recording = read_text(text, &none).unwrap();
-        assert_eq!(recording.may_begin_with_names(), may_be_names, "{text:?}");
+        assert_eq!(recording.names_line(), names_line, "{text:?}");
     }
     let recording = read_text("index,middle,ring,thumb\n7,8,9,10\n", &none).unwrap();
     assert_eq!(recording.magnitudes(0).unwrap(), [7.0, 8.0, 9.0, 10.0]);

@@ -133,6 +133,13 @@ fn void_cells_are_no_taxels() {
     let recording = read(&[1.0, -1.0, 2.0, 3.0, -1.0, 4.0], named(), mask()).unwrap();
     assert_eq!(recording.magnitudes(1).unwrap(), [3.0, 4.0]);
     assert_eq!(read(&[1.0; 6], Some(Void::Nan), None).unwrap().cells(), None);
+    let flat = ReadOptions {
+        void: Some(Void::Nan),
+        image: Some((2, 2)),
+        ..Default::default()
+    };
+    let recording = Recording::from_table(table(&[1, 4], vec![1.0, nan, 2.0, 3.0]), &flat).unwrap();
+    assert_eq!((recording.taxels(), recording.image_shape()), (3, Some((2, 2))));
     for (values, void, mask, wanted) in [
         (
             &[1.0, nan, 2.0, 3.0, nan, nan][..],
