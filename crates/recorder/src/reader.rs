@@ -8,7 +8,7 @@ use crate::zstd::Zstd;
 use mcap::records::op;
 use mcap::sans_io::linear_reader::{LinearReadEvent, LinearReader, LinearReaderOptions};
 use mcap::{MAGIC, McapError};
-use std::collections::{HashMap, VecDeque};
+use std::collections::{BTreeSet, HashMap, VecDeque};
 use std::fs::File;
 use std::io::{self, Read};
 use std::os::unix::fs::FileExt;
@@ -329,10 +329,11 @@ impl RecordingReader {
         may_hold(&self.file) || self.next_parts.iter().any(next)
     }
 
-    /// Topics that its index lists, those of other programs too; none where it has no index.
+    /// Topics that its index lists, those of other programs too, each once, by the alphabet; none where it has no index.
     pub fn topics(&self) -> Vec<String> {
         let listed = channels_of_summary(&self.file).unwrap_or_default().into_iter();
-        listed.map(|(.., name)| name).collect()
+        let names: BTreeSet<String> = listed.map(|(.., name)| name).collect();
+        names.into_iter().collect()
     }
 
     /// What of the file could not be read so far, a sentence each: damaged bytes, and where it was torn off.

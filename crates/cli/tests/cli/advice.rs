@@ -328,7 +328,7 @@ fn a_recording_of_others_is_told_by_its_topics_also_where_ours_have_their_names(
     ] {
         let err = fails(&dir, args, 1);
         let told = format!(
-            "bag.mcap: nothing that `taxel record` wrote in it; there is {}. In Python",
+            "bag.mcap: no frames and no CAN traffic of `taxel record` in it; there is {}. In Python",
             Topic::Images.name()
         );
         assert!(err.contains(&told), "{err}");

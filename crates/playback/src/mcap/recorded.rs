@@ -34,7 +34,7 @@ fn nothing_in(path: &Path, of_ours: String) -> anyhow::Result<String> {
     let are_others = !topics.is_empty() && is_ours == [false; 3];
     Ok(match are_others {
         true => format!(
-            "nothing that `taxel record` wrote in it; there is {}{more}. In Python, mcap_ros2.reader.read_ros2_messages reads \
+            "no frames and no CAN traffic of `taxel record` in it; there is {}{more}. In Python, mcap_ros2.reader.read_ros2_messages reads \
              what is ROS 2's, mcap.reader.make_reader the rest, and numpy.savez(\"grasp.npz\", counts=.., t_ns=..) makes a \
              recording",
             first.join(", ")
