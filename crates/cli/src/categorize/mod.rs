@@ -22,7 +22,6 @@ pub(crate) use phantom_map::PhantomMap;
 use serde::Serialize;
 use std::fmt::Write as _;
 use std::path::{Path, PathBuf};
-use taxel_hand::plural;
 use taxel_palpation::{
     Agreement, Categories, Classifier, Matrix, Pca, Silhouette, Solver, clusters_by_silhouette, optimal,
     paper, stability,
@@ -355,7 +354,7 @@ fn categorize(args: &Args) -> anyhow::Result<(Set, Report)> {
         let explained_variance = pca.kept_variance(&touches)?;
         Ok((pca, map, explained_variance))
     };
-    let what = || match frames_left_out(&set, aligned.left_out) {
+    let what = || match set.frames_left_out(aligned.left_out) {
         Some(left_out) => format!("{}: {left_out}", set.name),
         None => set.name.clone(),
     };
@@ -425,23 +424,12 @@ fn report(
     })
 }
 
-/// That frames are left out, and for which touch.
-fn frames_left_out(set: &Set, frames: usize) -> Option<String> {
-    let shortest = set.touches.iter().min_by_key(|touch| touch.at.len());
-    let shortest = shortest.filter(|_| frames > 0)?;
-    Some(format!(
-        "{frames} frames outside the steps that all touches have are left out; the shortest, {}, has {}",
-        shortest.name,
-        plural(shortest.at.len(), "frame")
-    ))
-}
-
 fn human(set: &Set, report: &Report) -> String {
     let mut text = format!(
         "{}: {} touches of {} features, {} steps by {} from {} on, {} each\n",
         set.name, report.touches, report.features, report.steps, report.aligned_by, report.first, report.step
     );
-    if let Some(left_out) = frames_left_out(set, report.frames_left_out) {
+    if let Some(left_out) = set.frames_left_out(report.frames_left_out) {
         let _ = writeln!(text, "  {left_out}");
     }
     let kept: f64 = report.explained_variance.iter().sum();

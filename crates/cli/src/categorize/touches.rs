@@ -6,6 +6,7 @@ use anyhow::{Context, anyhow, bail, ensure};
 use std::path::{Path, PathBuf};
 use taxel_can::Received;
 use taxel_engine::{Engine, Frames, TickMode};
+use taxel_hand::plural;
 use taxel_playback::{recorded, stand_in};
 use taxel_record::{FileKind, Frames as Recorded, ReadOptions, Recording};
 use taxel_sequence::{
@@ -40,10 +41,8 @@ impl Set {
     /// The touches side by side: at `step`, or else at the motion's, or at the time between frames. Where frames came late,
     /// so that a touch lacks a step of that, at the smallest multiple of it that every touch has; that is said.
     pub(crate) fn align(&self, step: Option<f64>) -> anyhow::Result<Aligned> {
-        let (along, usual) = match self.motion {
-            Some(motion) => (motion.along(), motion.step()),
-            None => (Alignment::Time, self.period_s),
-        };
+        let along = self.along();
+        let usual = self.motion.map_or(self.period_s, |motion| motion.step());
         let lacking = match align(&self.touches, along, step.unwrap_or(usual)) {
             Err(lacking @ SequenceError::StepMissing { .. }) => lacking,
             aligned => return aligned.with_context(|| self.name.clone()),
@@ -60,6 +59,32 @@ impl Set {
         let name = &self.name;
         Err(anyhow!(
             "{name}: {lacking}: --step {sure} is wide enough for all of its touches"
+        ))
+    }
+
+    /// What steps are counted along.
+    fn along(&self) -> Alignment {
+        self.motion.map_or(Alignment::Time, |motion| motion.along())
+    }
+
+    /// That so many frames are left out, and for which touch.
+    pub(super) fn frames_left_out(&self, frames: usize) -> Option<String> {
+        let way = |touch: &Touch| {
+            let [least, most] = [f64::min, f64::max].map(|of| touch.at.iter().copied().reduce(of));
+            most.unwrap_or_default() - least.unwrap_or_default()
+        };
+        let shortest = self.touches.iter().min_by(|a, b| way(a).total_cmp(&way(b)));
+        let shortest = shortest.filter(|_| frames > 0)?;
+        let unit = match self.along() {
+            Alignment::Depth => "mm",
+            Alignment::Angle => "degrees",
+            Alignment::Time => "s",
+        };
+        Some(format!(
+            "{frames} frames outside the steps that all touches have are left out; the shortest, {}, has {} in {} {unit}",
+            shortest.name,
+            plural(shortest.at.len(), "frame"),
+            (1e3 * way(shortest)).round() / 1e3
         ))
     }
 

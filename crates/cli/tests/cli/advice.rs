@@ -350,7 +350,8 @@ fn the_shortest_touch_is_named_where_others_lose_frames() {
     let (out, _) = succeeds(&dir, &["categorize", "in.csv", "--classes", "2"]);
     assert!(
         out.contains(
-            "21 frames outside the steps that all touches have are left out; the shortest, brief.npy, has 5 frames"
+            "21 frames outside the steps that all touches have are left out; the shortest, brief.npy, has 5 frames in \
+             0.133 s"
         ),
         "{out}"
     );
@@ -358,8 +359,38 @@ fn the_shortest_touch_is_named_where_others_lose_frames() {
     write_npy(dir.path().join("brief.npy"), &Array2::<f64>::zeros((1, 2))).unwrap();
     let err = fails(&dir, &["categorize", "in.csv", "--classes", "2"], 1);
     assert!(
-        err.contains("the shortest, brief.npy, has 1 frame: all 4 touches are the same"),
+        err.contains("the shortest, brief.npy, has 1 frame in 0 s: all 4 touches are the same"),
         "{err}"
+    );
+}
+
+#[test]
+fn the_shortest_touch_is_the_one_that_lasts_least_however_many_frames_it_has() {
+    let dir = TempDir::new().unwrap();
+    for (name, frames, period_ms, force) in [
+        ("a", 12, 30, 1),
+        ("b", 12, 30, 2),
+        ("quick", 60, 2, 9),
+        ("d", 12, 30, 10),
+    ] {
+        let lines: String = (0..frames)
+            .map(|t| format!("{},{},{force}\n", t * period_ms, force * t * period_ms))
+            .collect();
+        std::fs::write(
+            dir.path().join(format!("{name}.csv")),
+            format!("t_ms,u,v\n{lines}"),
+        )
+        .unwrap();
+    }
+    std::fs::write(
+        dir.path().join("in.csv"),
+        "file\na.csv\nb.csv\nquick.csv\nd.csv\n",
+    )
+    .unwrap();
+    let (out, _) = succeeds(&dir, &["categorize", "in.csv", "--classes", "2"]);
+    assert!(
+        out.contains("the shortest, quick.csv, has 60 frames in 0.118 s"),
+        "{out}"
     );
 }
 
