@@ -207,6 +207,25 @@ def test_who_was_let_go_before_it_subscribes_is_told_why(said, reason, is_read):
     assert closed.value.reason == reason
 
 
+def test_a_daemon_that_has_ceased_to_read_is_waited_for_to_say_why(monkeypatch):
+    here, daemon = socket.socketpair(socket.AF_UNIX, socket.SOCK_SEQPACKET)
+    with _reader.Reader(here) as reader:
+        daemon.shutdown(socket.SHUT_RD)
+
+        def says_why(seconds):
+            if seconds:
+                daemon.send(_event("disconnect", "all places are taken"))
+                monkeypatch.undo()
+            return bool(seconds)
+
+        monkeypatch.setattr(reader, "_wait", says_why)
+        with pytest.raises(_reader.Closed, match="all places are taken"):
+            try:
+                reader.subscribe(raw=True)
+            finally:
+                daemon.close()
+
+
 def test_a_daemon_without_a_place_is_told_with_its_reason_unless_it_is_waited_for(tmp_path, monkeypatch):
     path = tmp_path / "images.sock"
     with socket.socket(socket.AF_UNIX, socket.SOCK_SEQPACKET) as full:

@@ -428,8 +428,7 @@ class Reader:
                 # The daemon left with a subscription unread; what it said before can be read still.
                 continue
             if length == 0:
-                said = self.event or {}
-                raise Closed(str(said.get("message", "")) if said.get("event") == "disconnect" else "")
+                raise self._closed()
             message = self._assemble(decode_packet(memoryview(self._buffer)[:length]))
             if message is not None:
                 return message
@@ -455,16 +454,21 @@ class Reader:
         except (BrokenPipeError, ConnectionResetError):
             raise self._farewell() from None
 
+    def _closed(self) -> Closed:
+        said = self.event or {}
+        return Closed(str(said.get("message", "")) if said.get("event") == "disconnect" else "")
+
     def _farewell(self) -> Closed:
-        """Why the daemon has closed the connection."""
-        while True:
+        """Why the daemon closes the connection: what it sends last may come after it has ceased to read."""
+        deadline = time.monotonic() + _PATIENCE_S
+        while time.monotonic() < deadline and not self._closed().reason:
             try:
-                if self.receive(timeout=0) is None:
-                    return Closed("")
+                self.receive(timeout=deadline - time.monotonic())
             except Closed as closed:
                 return closed
             except DecodeError:
                 pass
+        return self._closed()
 
     def latency_ns(self, header: Header) -> Optional[int]:
         """How long ago a message's time of validity was; None where HELLO's clock tells none."""

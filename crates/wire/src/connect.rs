@@ -12,7 +12,7 @@ use std::path::Path;
 use std::time::Duration;
 
 /// How long a daemon is waited for that takes no connection.
-const PATIENCE: Duration = Duration::from_secs(5);
+pub(crate) const PATIENCE: Duration = Duration::from_secs(5);
 
 /// Connects to a socket that takes requests, such as `status.sock`. What is written to it waits for five seconds at most.
 ///

@@ -1,6 +1,6 @@
 //! A blocking reader of a running daemon's images.
 
-use crate::connect::{connect, retry};
+use crate::connect::{PATIENCE, connect, retry};
 use crate::error::DecodeError;
 use crate::format::MAX_MESSAGE;
 use crate::header::{Flags, Header, Kind};
@@ -169,16 +169,17 @@ impl Subscriber {
         }
     }
 
-    /// Why the daemon has closed the connection.
+    /// Why the daemon closes the connection: what it sends last may come after it has ceased to read.
     fn farewell(&mut self) -> ReadError {
+        let deadline = Instant::now() + PATIENCE;
         loop {
-            match self.next_timeout(Duration::ZERO) {
+            match self.next_timeout(deadline.saturating_duration_since(Instant::now())) {
                 Ok(Some(Received::Event(_, event))) if event.event == EventKind::Disconnect => {
                     return ReadError::Disconnected(event.message);
                 }
-                Ok(None) => return ReadError::Closed,
                 Err(error) if error.is_end() => return error,
-                Ok(Some(_)) | Err(_) => {}
+                Ok(Some(_)) | Err(_) if Instant::now() < deadline => {}
+                Ok(_) | Err(_) => return ReadError::Closed,
             }
         }
     }
