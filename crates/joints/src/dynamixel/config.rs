@@ -28,7 +28,9 @@ pub struct DynamixelConfig {
     /// 2540 in steps of 20 (Bus Watchdog, address 98).
     pub watchdog_ms: u16,
     /// How long an answer may take beyond its time on the wire, ms, 0.5 to 500. Without it 4 ms, or
-    /// for an FTDI adapter 2 ms and twice its latency timer.
+    /// for an FTDI adapter 2 ms and twice its latency timer. A servo that falls silent, or is told
+    /// something then, is waited for so long, two or three times, and for that long no other is read
+    /// or told anything; after that, as long as without this key, until it answers, late or not.
     pub answer_margin_ms: Option<f64>,
     /// The joints, in the order in which their angles are given.
     pub servo: Vec<ServoConfig>,

@@ -1,6 +1,6 @@
 //! That a reading is of the time it carries.
 
-use crate::World;
+use crate::{MS, World};
 use taxel_joints::{DynamixelConfig, FastSyncRead};
 use taxel_sim::servo::{Motion, ServoBuild, ServoFault};
 
@@ -71,5 +71,32 @@ fn readings_carry_the_time_of_their_servo() {
                 assert!(error_ns < 150_000.0, "servo {i}: {error_ns} ns");
             }
         }
+    }
+}
+
+#[test]
+fn a_servo_that_rests_is_not_waited_for_until_it_answers_late_or_not() {
+    for fast in [FastSyncRead::Off, FastSyncRead::Auto, FastSyncRead::On] {
+        let mut w = World::of(4, fast);
+        w.bus.set_margins_ns(500 * MS, 4 * MS);
+        w.cycles(5);
+        w.fault(2, ServoFault::Silent);
+        w.cycles(10);
+        let heard = |w: &World| [0, 1, 3].map(|servo| w.bus.servo(servo).unwrap().counters.ok);
+        let before = heard(&w);
+        for _ in 0..1000 {
+            w.cycle(5 * MS);
+            let took_ms = w.bus.counters().cycle_ns / MS;
+            assert!(took_ms < 20, "{fast:?}: {took_ms} ms");
+        }
+        let after = heard(&w);
+        assert_eq!([0, 2].map(|i| after[i] - before[i]), [1000; 2], "{fast:?}");
+        // It is back, and slow where each answers with its own packet.
+        match fast {
+            FastSyncRead::Off => w.fault(2, ServoFault::Late { by_ns: 300 * MS }),
+            _ => assert!(w.servos.set_fault(2, None, 1)),
+        }
+        w.cycles(300);
+        assert!(heard(&w)[1] > before[1] + 100, "{fast:?}");
     }
 }

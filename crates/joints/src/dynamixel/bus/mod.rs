@@ -14,6 +14,7 @@ mod servo;
 mod slow;
 mod writes;
 
+pub(crate) use cycle::DEFAULT_MARGIN_NS;
 pub use cycle::{Bus, BusCounters, FastState, Step};
 pub(crate) use outcomes::Outcomes;
 pub use reading::{JointReading, NoReading};

@@ -39,7 +39,10 @@ pub(crate) struct Pass {
     pub(crate) request_bytes: usize,
     /// Whether the request has been sent, and when.
     pub(crate) sent_ns: Option<u64>,
-    pub(crate) deadline_ns: u64,
+    /// When bytes came last since.
+    pub(crate) heard_ns: Option<u64>,
+    /// How long all of it takes on the wire.
+    pub(crate) wire_ns: u64,
     /// The one packet of a fast reply has come to its end, good or not.
     pub(crate) fast_done: bool,
     /// An answer said that a servo does not know the instruction.
@@ -60,7 +63,8 @@ impl Pass {
             data_bytes: 0,
             request_bytes: 0,
             sent_ns: None,
-            deadline_ns: 0,
+            heard_ns: None,
+            wire_ns: 0,
             fast_done: false,
             fast_refused: false,
             refused: None,

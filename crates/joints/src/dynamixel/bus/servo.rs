@@ -295,10 +295,11 @@ impl Servo {
         self.told_bytes.filter(|_| self.owed == 0)
     }
 
-    /// An answer to an earlier request came: it lives, so its pause is short.
+    /// An answer to an earlier request came: it lives, so its pause is short, and its next answer is given time.
     pub(crate) fn was_late(&mut self, now_ns: u64) {
         self.state.counters.late += 1;
         self.owed = self.owed.saturating_sub(1);
+        self.silent_in_a_row = self.silent_in_a_row.min(PATIENCE - 1);
         self.rest = Rest {
             pause_ns: 0,
             until_ns: self.rest.until_ns.map(|t| t.min(now_ns + FIRST_REST_NS)),
@@ -313,6 +314,11 @@ impl Servo {
         }
     }
 
+    /// Whether it has been silent for so long that nobody waits for it.
+    pub(crate) fn rests(&self) -> bool {
+        self.silent_in_a_row >= PATIENCE
+    }
+
     fn may_have_restarted(&self, now_ns: u64) -> bool {
         now_ns.saturating_sub(self.heard_ns) >= SHORTEST_RESTART_NS
     }
@@ -324,7 +330,7 @@ impl Servo {
         }
         self.state.counters.timeouts += 1;
         self.silent_in_a_row += 1;
-        if self.silent_in_a_row >= PATIENCE {
+        if self.rests() {
             self.state.alive = false;
             self.rest.begin(now_ns);
         }

@@ -1,6 +1,6 @@
 //! A [`Bus`] on a serial port.
 
-use crate::dynamixel::bus::{Bus, Step};
+use crate::dynamixel::bus::{Bus, DEFAULT_MARGIN_NS, Step};
 use crate::serial::{Port, PortError, PortLatency};
 use std::path::Path;
 use std::time::Duration;
@@ -33,9 +33,8 @@ impl SerialBus {
     fn set_margin(&self, bus: &mut Bus) {
         let timer_ms = self.port.latency().ftdi_timer_ms;
         let by_timer = timer_ms.map(|ms| FTDI_MARGIN_NS + 2_000_000 * u64::from(ms));
-        if let Some(margin_ns) = self.margin_ns.or(by_timer) {
-            bus.set_margin_ns(margin_ns);
-        }
+        let usual_ns = by_timer.unwrap_or(DEFAULT_MARGIN_NS);
+        bus.set_margins_ns(self.margin_ns.unwrap_or(usual_ns), usual_ns);
     }
 
     /// Looks at the adapter's timer anew: somebody may have set it meanwhile.

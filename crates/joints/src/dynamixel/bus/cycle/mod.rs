@@ -7,7 +7,7 @@ mod telling;
 mod watch;
 
 use super::outcomes::Outcomes;
-use super::pass::{Kind, Pass};
+use super::pass::{Answer, Kind, Pass};
 use super::reading::{JointReading, NoReading, PRESENT_BYTES};
 use super::servo::{Servo, ServoState};
 use super::slow::SlowLane;
@@ -85,9 +85,9 @@ const FAST_AGAIN_NS: u64 = 10_000_000_000;
 const WRITE_TRIES: u32 = 3;
 /// Between two questions of the slow lane lies at least so many times the time of a cycle.
 const SLOW_SHARE: u64 = 4;
-/// Time for the operating system and the adapter on top of the time on the wire, unless
-/// [`Bus::set_margin_ns`] says otherwise.
-const DEFAULT_MARGIN_NS: u64 = 4_000_000;
+/// Time for the operating system and the adapter on top of the time on the wire, unless [`Bus::set_margins_ns`] says
+/// otherwise.
+pub(crate) const DEFAULT_MARGIN_NS: u64 = 4_000_000;
 
 /// All servos of one bus.
 ///
@@ -101,6 +101,7 @@ pub struct Bus {
     results: Vec<Result<JointReading, NoReading>>,
     baud: u32,
     margin_ns: u64,
+    resting_margin_ns: u64,
     encoder: Encoder,
     request: Vec<u8>,
     parser: Parser,
@@ -153,6 +154,7 @@ impl Bus {
             results: vec![Err(NoReading::NotAsked); n],
             baud: config.baud,
             margin_ns: DEFAULT_MARGIN_NS,
+            resting_margin_ns: DEFAULT_MARGIN_NS,
             encoder: Encoder::with_capacity(64 + 4 * n),
             request: Vec::with_capacity(64 + 4 * n),
             parser: Parser::new(longest),
@@ -189,10 +191,12 @@ impl Bus {
         }
     }
 
-    /// How long beyond the time on the wire an answer is waited for: what the operating system and
-    /// the serial adapter take.
-    pub fn set_margin_ns(&mut self, margin_ns: u64) {
+    /// How long beyond the time on the wire an answer is waited for, nanoseconds: what the operating system and the serial
+    /// adapter take. `resting_ns`, if that is less, is for servos that have been silent for so long that they rest, until
+    /// one answers, late or not: they cost the others little.
+    pub fn set_margins_ns(&mut self, margin_ns: u64, resting_ns: u64) {
         self.margin_ns = margin_ns;
+        self.resting_margin_ns = resting_ns.min(margin_ns);
     }
 
     /// One result per servo, in the order of the configuration: those of the newest cycle.
@@ -327,10 +331,9 @@ impl Bus {
                 return Step::Send;
             }
             if !self.pass.is_complete() {
-                if now_ns < self.pass.deadline_ns {
-                    return Step::Wait {
-                        until_ns: self.pass.deadline_ns,
-                    };
+                let until_ns = self.deadline_ns();
+                if now_ns < until_ns {
+                    return Step::Wait { until_ns };
                 }
                 self.drop_half_packets(now_ns);
             }
@@ -365,8 +368,28 @@ impl Bus {
             .iter()
             .map(|i| self.servos[*i].return_delay_ns())
             .sum();
-        self.pass.deadline_ns =
-            now_ns + wire_ns(self.pass.bytes_before(answers), self.baud) + delays + self.margin_ns;
+        self.pass.heard_ns = None;
+        self.pass.wire_ns = wire_ns(self.pass.bytes_before(answers), self.baud) + delays;
+    }
+
+    /// Until when the answers to the request that is out are waited for. Once the others have answered, those that rest have no
+    /// more time than usual.
+    fn deadline_ns(&self) -> u64 {
+        let pass = &self.pass;
+        let sent_ns = pass.sent_ns.unwrap_or_default();
+        let rests = |i: &usize| self.servos[*i].rests();
+        let mut awaited = (pass.order.iter().zip(&pass.answers))
+            .filter_map(|(i, answer)| (*answer == Answer::Awaited).then_some(i));
+        let is_hurried = match pass.kind {
+            // Its one packet has begun, and breaks off at the first that is silent.
+            Kind::Fast if pass.heard_ns.is_some() => pass.order.iter().any(rests),
+            _ => awaited.all(rests),
+        };
+        let latest_ns = sent_ns + pass.wire_ns + self.margin_ns;
+        match is_hurried {
+            true => latest_ns.min(pass.heard_ns.unwrap_or(sent_ns) + pass.wire_ns + self.resting_margin_ns),
+            false => latest_ns,
+        }
     }
 
     /// Room for bytes that arrived; never empty.
@@ -377,6 +400,7 @@ impl Bus {
     /// Takes the first `bytes` of [`Bus::space`], which arrived at `now_ns`.
     pub fn take_bytes(&mut self, bytes: usize, now_ns: u64) {
         self.parser.take_bytes(bytes);
+        self.pass.heard_ns = Some(now_ns);
         self.take_packets(now_ns);
     }
 }
