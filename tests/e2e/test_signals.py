@@ -7,7 +7,7 @@ import threading
 import pytest
 from harness.bus import MulticastBuses
 from harness.daemon import Daemon, eventually
-from harness.joints import SCENE, TICK, TORQUE, WATCHDOG, WRITING, dynamixel, servo
+from harness.joints import IDS, SCENE, TICK, TORQUE, WATCHDOG, WRITING, dynamixel, servo
 from harness.servos import Servos
 
 ENDING = [
@@ -102,6 +102,20 @@ def test_a_service_manager_that_reads_nothing_keeps_no_motor_on_and_is_told_once
             fill()
             assert daemon.stop() == 0
             assert servos.register(5, *TORQUE) == 0
+    servos.close()
+
+
+def test_no_motor_stays_on_at_the_end_because_other_servos_are_silent(folder):
+    servos = Servos("--ids", "1-16")
+    joints = dynamixel(servos.path, **WRITING | {"answer_margin_ms": 500.0})
+    with Daemon(folder / "d", SCENE, tick=TICK, joints=joints) as daemon:
+        daemon.wait_status(lambda s: s["joints"]["readings"] > 50, "nothing is read")
+        for id in IDS:
+            assert servo(daemon, f"joint {id}", "--torque", "on") == (0, "")
+        for id in range(1, 15):
+            servos.tell(f"fault {id} silent")
+        daemon.stop()
+        assert [servos.register(id, *TORQUE) for id in IDS] == [0] * 16
     servos.close()
 
 

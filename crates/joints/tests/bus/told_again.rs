@@ -226,3 +226,67 @@ fn a_motor_that_was_to_be_switched_off_when_the_port_was_lost_is_when_it_is_back
         assert_eq!(register(&w, 2, 64, 1), 1, "nobody has told that one");
     }
 }
+
+#[test]
+fn where_several_motors_are_to_be_off_the_first_packet_switches_all_of_them_off() {
+    for at_the_end in [false, true] {
+        let mut w = watched(8, 2540);
+        w.bus.set_margins_ns(500 * MS, 4 * MS);
+        start(&mut w, 0..8);
+        for id in 1..=6 {
+            w.fault(id, ServoFault::Silent);
+        }
+        if at_the_end {
+            w.bus.release_motors();
+        } else {
+            for servo in 0..8 {
+                w.bus.command(servo, OFF).unwrap();
+            }
+        }
+        let from_ns = w.now_ns;
+        w.bus.begin(from_ns);
+        assert!(w.turn());
+        let torque: Vec<i32> = (1..=8).map(|id| register(&w, id, 64, 1)).collect();
+        assert_eq!(torque, [0; 8], "{at_the_end}");
+        // Those that answer confirm it before any of the others is given the time that it may take.
+        let is_known_off =
+            |w: &World, servo: usize| w.bus.servo(servo).unwrap().torque_enabled == Some(false);
+        while !(is_known_off(&w, 6) && is_known_off(&w, 7)) {
+            assert!(w.turn() && w.now_ns < from_ns + 100 * MS, "{at_the_end}");
+        }
+    }
+}
+
+#[test]
+fn a_motor_that_was_about_to_be_switched_on_at_the_end_is_not() {
+    let mut w = watched(2, 2540);
+    w.cycles(3);
+    w.bus.command(0, WriteCommand::Start(0)).unwrap();
+    w.bus.begin(w.now_ns);
+    while write_of(w.bus.request()) != Some((1, 64, 1)) {
+        assert!(w.turn());
+    }
+    w.bus.release_motors();
+    w.requests.clear();
+    w.cycles(3);
+    assert!(!w.requests.iter().any(|r| write_of(r) == Some((1, 64, 1))));
+    assert_eq!([64, 98].map(|at| register(&w, 1, at, 1)), [0, 0]);
+    assert!(!w.bus.has_writes());
+}
+
+#[test]
+fn at_the_end_one_that_takes_its_time_confirms_it_before_the_silent_have_had_all_of_theirs() {
+    let mut w = watched(8, 2540);
+    w.bus.set_margins_ns(500 * MS, 4 * MS);
+    start(&mut w, 0..8);
+    for id in 1..=6 {
+        w.fault(id, ServoFault::Silent);
+    }
+    w.fault(7, ServoFault::Late { by_ns: 20 * MS });
+    w.bus.release_motors();
+    let from_ns = w.now_ns;
+    while w.bus.servo(6).unwrap().torque_enabled != Some(false) {
+        w.cycle(MS);
+        assert!(w.now_ns < from_ns + 500 * MS);
+    }
+}

@@ -2,7 +2,7 @@
 
 use crate::{MS, World};
 use taxel_joints::bus::{Step, WriteCommand, WriteError, WriteRefused};
-use taxel_joints::protocol2::{Encoder, Instruction};
+use taxel_joints::protocol2::{Assignment, Encoder, Instruction};
 use taxel_joints::{DynamixelConfig, FastSyncRead};
 use taxel_sim::servo::{ServoBuild, ServoFault};
 
@@ -145,8 +145,11 @@ fn to_switch_a_motor_off_goes_before_every_other_command_and_before_the_readings
     w.bus.command(2, WriteCommand::Torque(false)).unwrap();
     w.bus.command(0, WriteCommand::Torque(false)).unwrap();
     w.cycle(5 * MS);
-    let first: Vec<_> = w.requests.iter().take(9).map(|r| write_of(r)).collect();
     let (torque, watchdog) = (64, 98);
+    let mut both = Encoder::default();
+    let both = both.sync_write(torque.into(), &[3, 1].map(|id| Assignment { id, data: &[0] }));
+    assert_eq!(Some(w.requests.remove(0).as_slice()), both);
+    let first: Vec<_> = w.requests.iter().take(9).map(|r| write_of(r)).collect();
     let off = |id, at| Some((id, at, 0));
     // Each is asked behind it what it holds.
     let told = [off(3, torque), off(3, watchdog), off(1, torque), off(1, watchdog)];

@@ -172,6 +172,28 @@ fn who_ends_with_a_motor_of_which_nobody_knows_whether_it_is_off_can_tell() {
 }
 
 #[test]
+fn at_the_end_no_motor_stays_on_because_others_are_silent() {
+    let pty = pty(8);
+    let mut config = config(pty.path(), 8);
+    config.allow_writes = true;
+    config.watchdog_ms = 2540;
+    config.answer_margin_ms = Some(500.0);
+    let reader = ServoReader::start(&config).unwrap();
+    eventually(&reader, "read", all_read);
+    for joint in 0..8 {
+        let number = reader.command(joint, WriteCommand::Torque(true)).unwrap();
+        eventually(&reader, "on", |_| reader.outcome(joint, number).is_some());
+    }
+    let torque = || (1..=8).map(|id| pty.bus().servo(id).unwrap().register(64, 1));
+    assert_eq!(torque().sum::<i32>(), 8);
+    for id in 1..=6 {
+        pty.bus().set_fault(id, Some(ServoFault::Silent), 1);
+    }
+    drop(reader);
+    assert_eq!(torque().collect::<Vec<_>>(), [0; 8]);
+}
+
+#[test]
 fn each_command_is_told_what_became_of_it_whatever_became_of_later_ones_to_the_same_servo() {
     use WriteCommand::{GoalPwm, Start, Torque};
     let not_on = WriteError::NotTaken(WriteRefused::MotorOff(0));

@@ -13,6 +13,8 @@ pub(crate) enum Kind {
     Slow(super::slow::Task),
     /// Servos are asked for their watchdogs, before their motors are told to move.
     Watchdog,
+    /// Motors are switched off in one packet, before each servo is told so again and asked whether it holds it.
+    Off,
     /// One or several servos are told something in one packet, which nobody answers.
     Told,
     /// Those are asked what they hold.
@@ -108,6 +110,8 @@ impl Pass {
     pub(crate) fn is_complete(&self) -> bool {
         match self.kind {
             Kind::Fast => self.fast_done,
+            // It has to be over on the wire.
+            Kind::Off => false,
             Kind::Told => true,
             _ => self.answers.iter().all(|a| *a != Answer::Awaited),
         }

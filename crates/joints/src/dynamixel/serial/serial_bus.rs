@@ -62,20 +62,21 @@ impl SerialBus {
 
     /// Runs one cycle. The results are in [`Bus::results`]; the only error is a port that is gone.
     pub fn cycle(&mut self, bus: &mut Bus) -> Result<(), PortError> {
-        self.cycle_with(bus, |_| {})
+        self.cycle_while(bus, |_| true)
     }
 
-    /// The same; `between` is called before it begins and between its requests.
-    pub(crate) fn cycle_with(
+    /// The same; `between` is called before it begins and between its requests, and once it says no, none is sent any more.
+    pub(crate) fn cycle_while(
         &mut self,
         bus: &mut Bus,
-        mut between: impl FnMut(&mut Bus),
+        mut between: impl FnMut(&mut Bus) -> bool,
     ) -> Result<(), PortError> {
         between(bus);
         bus.begin(monotonic_ns());
         loop {
-            between(bus);
+            let goes_on = between(bus);
             match bus.step(monotonic_ns()) {
+                Step::Send if !goes_on => return Ok(()),
                 Step::Send => {
                     self.drain(bus)?;
                     self.port.write(bus.request())?;

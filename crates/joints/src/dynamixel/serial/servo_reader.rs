@@ -380,30 +380,32 @@ impl Thread {
         self.bus.release_motors();
         let until_ns = monotonic_ns() + RELEASE_NS;
         while self.bus.has_writes() && monotonic_ns() < until_ns {
-            port.cycle(&mut self.bus)?;
+            port.cycle_while(&mut self.bus, |_| monotonic_ns() < until_ns)?;
             // Where every servo rests a cycle takes no time.
             std::thread::sleep(RELEASE_PAUSE);
         }
         Ok(())
     }
 
-    /// One cycle; what is urgent goes between its requests.
+    /// One cycle; what is urgent goes between its requests, and it has no more of them once the thread shall end.
     fn cycle(&mut self, port: &mut SerialBus) -> Result<(), PortError> {
         let Self {
             bus,
             shared,
+            stop,
             urgent,
             commands,
             steps,
             ..
         } = self;
-        port.cycle_with(bus, |bus| {
+        port.cycle_while(bus, |bus| {
             steps.fetch_add(1, Ordering::Relaxed);
             if urgent.swap(false, Ordering::Acquire) {
                 std::mem::swap(&mut lock(shared).commands, commands);
                 bus.take(commands);
                 commands.clear();
             }
+            !stop.load(Ordering::Relaxed)
         })
     }
 

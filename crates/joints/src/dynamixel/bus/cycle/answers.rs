@@ -106,7 +106,7 @@ impl Bus {
                 refused => self.pass.refused = refused,
             },
             Kind::ReadBack => self.take_held(position, status.error(), data),
-            Kind::Told => {}
+            Kind::Told | Kind::Off => {}
         }
     }
 

@@ -120,6 +120,7 @@ impl Bus {
             .take_while(|write| write.urgent && write.tries == 0)
             .count();
         self.insert_off(servo, out + others);
+        self.offs_untold = true;
     }
 
     /// Puts the writes that switch a motor off into the queue.
@@ -132,8 +133,11 @@ impl Bus {
     }
 
     /// Has every motor that was switched on with [`Bus::command`], or of which nobody knows whether it is off, switched off,
-    /// before anything else; one that was still to be switched on stays off.
+    /// and does nothing else any more; one that was still to be switched on stays off, also where a cycle was left before its
+    /// end.
     pub fn release_motors(&mut self) {
+        self.pass_active = false;
+        self.ends = true;
         for servo in 0..self.servos.len() {
             let off = self.servos[servo].state.motor_off;
             if self.will_run(servo) || off.unconfirmed {

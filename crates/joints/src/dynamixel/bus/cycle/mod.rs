@@ -83,6 +83,8 @@ const FAST_TRIES: u32 = 3;
 const FAST_AGAIN_NS: u64 = 10_000_000_000;
 /// What a servo that lives is told is sent so many times until it says that it holds it: a busy host can miss an answer.
 const WRITE_TRIES: u32 = 3;
+/// For so long of a cycle servos are told one after the other that their motors are to be off, where some do not answer.
+const OFFS_NS: u64 = 100_000_000;
 /// Between two questions of the slow lane lies at least so many times the time of a cycle.
 const SLOW_SHARE: u64 = 4;
 /// Time for the operating system and the adapter on top of the time on the wire, unless [`Bus::set_margins_ns`] says
@@ -129,8 +131,10 @@ pub struct Bus {
     /// How often the write at the front was sent in vain, and whether no more are sent in this cycle but to switch motors off.
     write_tries: u32,
     writes_done: bool,
-    /// Writes of this cycle whose servo was not heard.
-    unheard: usize,
+    /// Whether there are new ones that switch motors off.
+    offs_untold: bool,
+    /// Whether nothing is done any more but to switch motors off.
+    ends: bool,
     /// Whose motor is the next to be told again to be off.
     off_turn: usize,
     begun_ns: u64,
@@ -184,7 +188,8 @@ impl Bus {
             outcomes: Outcomes::new(),
             write_tries: 0,
             writes_done: false,
-            unheard: 0,
+            offs_untold: false,
+            ends: false,
             off_turn: 0,
             begun_ns: 0,
             counters: BusCounters::default(),
@@ -271,9 +276,8 @@ impl Bus {
         self.begun_ns = now_ns;
         self.counters.cycles += 1;
         self.passes = 0;
-        self.slow_done = false;
+        self.slow_done = self.ends;
         self.writes_done = false;
-        self.unheard = 0;
         self.pass_active = false;
         // A cycle that the port did not see to its end leaves those that were to be asked in it.
         self.again.clear();
@@ -296,7 +300,7 @@ impl Bus {
             self.pass.order.push(i);
             self.results[i] = Err(NoReading::Silent);
         }
-        if self.pass.order.is_empty() {
+        if self.pass.order.is_empty() || self.ends {
             return;
         }
         let is_off_due = self.servos.iter().any(|servo| servo.is_off_due(now_ns));
@@ -380,16 +384,16 @@ impl Bus {
         let rests = |i: &usize| self.servos[*i].rests();
         let mut awaited = (pass.order.iter().zip(&pass.answers))
             .filter_map(|(i, answer)| (*answer == Answer::Awaited).then_some(i));
-        let is_hurried = match pass.kind {
+        let margin_ns = match pass.kind {
+            Kind::Off => return sent_ns + pass.wire_ns,
             // Its one packet has begun, and breaks off at the first that is silent.
-            Kind::Fast if pass.heard_ns.is_some() => pass.order.iter().any(rests),
-            _ => awaited.all(rests),
+            Kind::Fast if pass.heard_ns.is_some() && pass.order.iter().any(rests) => self.resting_margin_ns,
+            _ if awaited.all(rests) => self.resting_margin_ns,
+            Kind::ReadBack => self.read_back_margin_ns(),
+            _ => self.margin_ns,
         };
         let latest_ns = sent_ns + pass.wire_ns + self.margin_ns;
-        match is_hurried {
-            true => latest_ns.min(pass.heard_ns.unwrap_or(sent_ns) + pass.wire_ns + self.resting_margin_ns),
-            false => latest_ns,
-        }
+        latest_ns.min(pass.heard_ns.unwrap_or(sent_ns) + pass.wire_ns + margin_ns)
     }
 
     /// Room for bytes that arrived; never empty.

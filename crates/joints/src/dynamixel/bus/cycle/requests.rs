@@ -1,6 +1,6 @@
 //! Which request comes next, and what follows from a request that is over.
 
-use super::{Bus, FAST_AGAIN_NS, FAST_TRIES, FastState, LEADS, PASSES, SLOW_SHARE, SUSPICION_NS};
+use super::{Bus, FAST_AGAIN_NS, FAST_TRIES, FastState, LEADS, OFFS_NS, PASSES, SLOW_SHARE, SUSPICION_NS};
 use crate::dynamixel::bus::pass::{Answer, Kind};
 use crate::dynamixel::bus::reading::PRESENT_BYTES;
 use crate::dynamixel::bus::writes::{Write, WriteError, WriteRefused};
@@ -40,10 +40,10 @@ impl Bus {
         if !self.writes_done {
             self.switch_off_again(now_ns);
         }
-        let write =
-            (self.writes.front().copied()).filter(|write| !self.writes_done || self.is_first_off(write));
+        let write = (self.writes.front().copied())
+            .filter(|write| !self.writes_done || self.is_first_off(write, now_ns));
         if let Some(write) = write.filter(|write| write.urgent || self.again.is_empty()) {
-            if !self.ask_watchdogs() {
+            if !self.tell_offs() && !self.ask_watchdogs() {
                 self.tell(write);
             }
             return true;
@@ -77,10 +77,10 @@ impl Bus {
         true
     }
 
-    /// Whether it switches a motor off, and was not sent yet: it is in this cycle, whoever was not heard in it, but for no
-    /// longer than each servo is waited for once.
-    fn is_first_off(&self, write: &Write) -> bool {
-        write.urgent && write.tries == 0 && self.unheard < self.servos.len()
+    /// Whether it switches a motor off, and was not sent yet: it is in this cycle, whoever was not heard in it, but not for so
+    /// long that the others are not read.
+    fn is_first_off(&self, write: &Write, now_ns: u64) -> bool {
+        write.urgent && write.tries == 0 && now_ns.saturating_sub(self.begun_ns) < OFFS_NS
     }
 
     /// Where nothing else is urgent, has a motor told again to be off of which nobody knows whether it is.
@@ -114,9 +114,10 @@ impl Bus {
     /// Draws the conclusions of a pass that is complete or past its deadline.
     pub(super) fn end_pass(&mut self, now_ns: u64) {
         self.pass_active = false;
-        if self.pass.kind == Kind::Told {
-            self.read_back();
-            return;
+        match self.pass.kind {
+            Kind::Told => return self.read_back(),
+            Kind::Off => return,
+            _ => {}
         }
         for (servo, answer) in self.pass.order.iter().zip(&self.pass.answers) {
             let came = *answer != Answer::Awaited;
@@ -134,7 +135,7 @@ impl Bus {
             Kind::Watchdog => self.end_watchdogs(),
             Kind::ReadBack if self.pass.order.len() > 1 => self.end_together(),
             Kind::ReadBack => self.end_write(now_ns),
-            Kind::Told => {}
+            Kind::Told | Kind::Off => {}
             Kind::Slow(_) => self.counters.slow_unanswered += u64::from(unanswered),
             Kind::Plain => self.end_plain(now_ns),
             Kind::Fast => self.end_fast(unanswered, now_ns),

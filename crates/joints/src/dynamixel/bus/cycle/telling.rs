@@ -26,6 +26,9 @@ const HELD_BYTES: [[u16; 2]; LEADS as usize] = [
     [28, 29],
 ];
 
+/// So many times as long a servo has with each try to say that its motor is off, where others are to be off as well.
+const OFF_PATIENCE: u64 = 8;
+
 impl Bus {
     /// Gives several servos goals (counts) in one packet, after the next cycle's positions; all or none.
     pub fn command_together(&mut self, number: u64, goals: &[(usize, i16)]) -> Result<(), WriteRefused> {
@@ -88,6 +91,46 @@ impl Bus {
         self.activate();
     }
 
+    /// Has all motors switched off in one packet that are newly to be off, where there are several: none of them waits for
+    /// another's answer. `false` where there are not.
+    pub(super) fn tell_offs(&mut self) -> bool {
+        if !std::mem::take(&mut self.offs_untold) {
+            return false;
+        }
+        let mut assignments = [Assignment { id: 0, data: &[0] }; MAX_JOINTS];
+        let offs = (self.writes.iter()).filter(|write| write.switches_off() && write.tries == 0);
+        let mut count = 0;
+        for (assignment, off) in assignments.iter_mut().zip(offs) {
+            assignment.id = self.servos[off.servo].id;
+            count += 1;
+        }
+        if count < 2 {
+            return false;
+        }
+        let at = address::TORQUE_ENABLE;
+        load(
+            &mut self.request,
+            self.encoder.sync_write(at, &assignments[..count]),
+        );
+        self.pass.order.clear();
+        self.pass.begin(Kind::Off, at, 0);
+        self.activate();
+        true
+    }
+
+    /// How long a servo may take to say what it holds. Where it is to be off and others as well, it is given more time with
+    /// each try, so that those that answer soon do not wait for the others.
+    pub(super) fn read_back_margin_ns(&self) -> u64 {
+        let mut urgent = self.writes.iter().take_while(|write| write.urgent);
+        match urgent.next() {
+            Some(first) if urgent.any(|write| write.servo != first.servo) => {
+                let more = OFF_PATIENCE.saturating_pow(first.tries);
+                self.margin_ns.min(self.resting_margin_ns.saturating_mul(more))
+            }
+            _ => self.margin_ns,
+        }
+    }
+
     /// Asks those servos what they hold now.
     pub(super) fn read_back(&mut self) {
         let mut ids = [0; MAX_JOINTS];
@@ -142,7 +185,6 @@ impl Bus {
         let is_heard = self.pass.answers[0] == Answer::Got;
         // One that answers is told again at once, others in the next cycle.
         self.writes_done |= !is_heard;
-        self.unheard += usize::from(!is_heard);
         if result.is_err() && self.pass.refused.is_none() {
             let tries = match write.urgent {
                 true => write.tries + 1,
