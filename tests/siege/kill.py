@@ -97,7 +97,7 @@ def main():
     with tempfile.TemporaryDirectory(prefix="siege-") as folder, Hand() as hand:
         hand.servos.tell(f"mode {SERVO} {PWM_MODE}")
         for _ in progress(range(options.times)):
-            daemon = hand.daemon(folder, allow_writes=True, watchdog_ms=WATCHDOG_MS)
+            daemon = hand.daemon(folder, allow_writes=True, watchdog_ms=WATCHDOG_MS, answer_margin_ms=80.0)
             daemon.log_path.unlink(missing_ok=True)
             try:
                 measured = life(hand, daemon, chance)

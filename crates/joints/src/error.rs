@@ -78,6 +78,18 @@ pub enum JointsConfigError {
         /// Cycles per second.
         rate_hz: f64,
     },
+    /// Servos that would stop while another one is waited for.
+    #[error(
+        "joints.watchdog_ms = {watchdog_ms} is shorter than joints.answer_margin_ms = {answer_margin_ms} and a cycle of {cycle_ms} ms: while one servo is silent, the motors of the others would stop by themselves; make it longer, or the margin shorter"
+    )]
+    WatchdogMargin {
+        /// The watchdog's time.
+        watchdog_ms: u16,
+        /// How long an answer is waited for.
+        answer_margin_ms: f64,
+        /// From one cycle to the next.
+        cycle_ms: f64,
+    },
     /// No potentiometer.
     #[error(
         "joints.analogue has no [[joints.analogue.joint]] tables; write one per joint with its name and channel"

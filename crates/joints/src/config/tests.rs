@@ -63,6 +63,11 @@ fn what_cannot_be_is_refused_in_words() {
             "rate_hz = 0 is outside 1 to 2000 Hz",
         ),
         ("source", "watchdog_ms = 50\nsource", "no multiple of 20"),
+        (
+            "source",
+            "allow_writes = true\nanswer_margin_ms = 191\nsource",
+            "watchdog_ms = 200 is shorter than joints.answer_margin_ms = 191 and a cycle of 10 ms",
+        ),
         ("[[servo]]", "[allegro]\nversion = 4\n[[servo]]", "leave it out"),
     ] {
         let text = TWO.replacen(from, to, 2).replace("id = 2\nid", "id");

@@ -25,7 +25,7 @@ pub struct DynamixelConfig {
     /// Whether torque and PWM may be written. Without it nothing but reads and pings is ever sent.
     pub allow_writes: bool,
     /// With `allow_writes`: a servo that hears nothing for this long stops its motor, ms, 20 to
-    /// 2540 in steps of 20 (Bus Watchdog, address 98).
+    /// 2540 in steps of 20 (Bus Watchdog, address 98); two cycles at least, and `answer_margin_ms` and a cycle.
     pub watchdog_ms: u16,
     /// How long an answer may take beyond its time on the wire, ms, 0.5 to 500. Without it 4 ms, or
     /// for an FTDI adapter 2 ms and twice its latency timer. A servo that falls silent, or is told
@@ -156,6 +156,17 @@ impl DynamixelConfig {
             return Err(JointsConfigError::WatchdogShort {
                 watchdog_ms: self.watchdog_ms,
                 rate_hz: self.rate_hz,
+            });
+        }
+        let cycle_ms = 1000.0 / self.rate_hz;
+        if let Some(answer_margin_ms) = self.answer_margin_ms
+            && self.allow_writes
+            && f64::from(self.watchdog_ms) < answer_margin_ms + cycle_ms
+        {
+            return Err(JointsConfigError::WatchdogMargin {
+                watchdog_ms: self.watchdog_ms,
+                answer_margin_ms,
+                cycle_ms,
             });
         }
         Ok(())
