@@ -37,6 +37,7 @@ use taxel_can::SourceAddress;
 use taxel_joints::{DynamixelConfig, JointSource};
 use taxel_playback::interrupt::Interrupt;
 use taxel_playback::output_file::refuse_existing;
+use taxel_playback::progress::Progress;
 use taxel_playback::stand_in::as_named;
 use taxel_skin::Layout;
 use taxeld::Config;
@@ -271,9 +272,11 @@ impl Doctor {
             return self.report(vec![Check::skipped(AREA, "bus", name, why)]);
         }
         let expected: Vec<u8> = servos.servo.iter().map(|s| s.id).collect();
+        let asking = Progress::busy(format!("asking the servos on {name} what they are"));
         let survey = match taxel_joints::survey(path, servos.baud, &expected) {
             Ok(survey) => survey,
             Err(error) => {
+                drop(asking);
                 return self
                     .report(vec![Check::error(AREA, "port", name, error.to_string()).run(
                         format!("sudo fuser -v {}    # who has it open", path.display()),
@@ -290,6 +293,7 @@ impl Doctor {
                 }
             }
         }
+        drop(asking);
         let facts = servos::ServoFacts { survey, elsewhere };
         self.report(servos::check(servos, &facts))
     }

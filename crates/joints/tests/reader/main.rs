@@ -11,6 +11,7 @@ use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, Ordering};
 use std::time::{Duration, Instant};
 use taxel_joints::bus::{FastState, NoReading};
+use taxel_joints::protocol2::Encoder;
 use taxel_joints::{
     AnalogueConfig, AnalogueReader, AnalogueSnapshot, DynamixelConfig, FastSyncRead, JointHistory,
     JointReader, JointsConfig, NoAngle, PortState, ReadingThreadError, ServoReader, ServoSnapshot,
@@ -332,6 +333,34 @@ fn a_survey_counts_damaged_answers_and_goes_on() {
         found.damaged >= 2,
         "the broadcast and the one of its own: {}",
         found.damaged
+    );
+}
+
+#[test]
+fn a_survey_reads_a_servo_that_answers_late_and_knows_one_that_answers_pings_alone() {
+    let pty = pty(3);
+    let level = Encoder::default().write(2, 68, &[0]).unwrap().to_vec();
+    pty.bus().receive(&level, servo_clock_ns());
+    let late = ServoFault::Late { by_ns: 300_000_000 };
+    pty.bus().set_fault(3, Some(late), 1);
+    let found = survey(pty.path(), BAUD, &[1, 2, 3]).unwrap();
+    let read: Vec<_> = (found.servos.iter())
+        .map(|servo| {
+            (
+                servo.id,
+                servo.identity.is_some(),
+                servo.status_return_level,
+                servo.temperature_c.is_some(),
+            )
+        })
+        .collect();
+    assert_eq!(
+        read,
+        [
+            (1, true, Some(2), true),
+            (2, false, None, false),
+            (3, true, Some(2), true)
+        ]
     );
 }
 

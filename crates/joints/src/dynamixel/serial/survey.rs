@@ -11,12 +11,12 @@ use taxel_can::monotonic_ns;
 /// How long each id may take to answer a broadcast ping, as in ROBOTIS's SDK.
 const PER_ID_NS: u64 = 3_000_000;
 const PING_ANSWER_BYTES: usize = 14;
-/// How long one servo may take to answer a ping beyond its time on the wire; an FTDI adapter's
-/// timer is 16 ms.
-const PING_MARGIN_NS: u64 = 40_000_000;
-/// The same for a read, of which only servos are asked that answered a ping: longer, for a busy machine, as whoever reads
-/// joints may be told to wait.
-const READ_MARGIN_NS: u64 = 500_000_000;
+/// How long one servo may take to answer beyond its time on the wire; an FTDI adapter's timer is 16 ms.
+const MARGIN_NS: u64 = 40_000_000;
+/// On a busy machine an answer may take so long: it is waited for where something says that it may still come.
+const BUSY_NS: u64 = 500_000_000;
+/// Bytes that a servo says to a ping.
+const PING_BYTES: usize = 3;
 /// How often a question is repeated.
 const TRIES: usize = 3;
 
@@ -58,6 +58,16 @@ pub struct BusSurvey {
     pub latency: PortLatency,
 }
 
+/// What came of a servo that was asked.
+#[derive(Debug, PartialEq, Eq)]
+enum Answer {
+    /// What it holds.
+    Data(Vec<u8>),
+    /// A refusal, or the answer to a ping.
+    Other,
+    None,
+}
+
 struct Surveyor {
     port: Port,
     baud: u32,
@@ -67,8 +77,8 @@ struct Surveyor {
 }
 
 /// Asks a bus who is on it (a ping to everybody, then one to each of `expected` that did not
-/// answer) and reads what each servo says of itself. It takes one to two seconds, and nothing else
-/// may use the port meanwhile.
+/// answer) and reads what each servo says of itself. It takes one to two seconds, and an eighth of one more for each servo
+/// that answers pings and no reads; nothing else may use the port meanwhile.
 pub fn survey(path: &Path, baud: u32, expected: &[u8]) -> Result<BusSurvey, PortError> {
     let port = Port::open(path, baud)?;
     let latency = port.latency();
@@ -107,7 +117,7 @@ impl Surveyor {
         let slack_ns = if id == BROADCAST_ID {
             answers as u64 * PER_ID_NS
         } else {
-            PING_MARGIN_NS
+            MARGIN_NS
         };
         self.port.write(self.encoder.ping(id))?;
         let end_ns = monotonic_ns() + slack_ns + wire_ns(answers * PING_ANSWER_BYTES, self.baud);
@@ -155,16 +165,17 @@ impl Surveyor {
     }
 
     fn ask(&mut self, servo: &mut SurveyedServo) -> Result<(), PortError> {
-        let identity = self.read(servo.id, address::MODEL_NUMBER, 11)?;
-        if let Some([m0, m1, _, _, _, _, firmware, _, baud, delay, mode]) = identity.as_deref() {
-            servo.identity = Some(ServoIdentity {
-                model_number: u16::from_le_bytes([*m0, *m1]),
-                firmware: *firmware,
-                baud_register: *baud,
-                return_delay_us: 2 * u16::from(*delay),
-                drive_mode: *mode,
-            });
-        }
+        let identity = self.first_read(servo.id, address::MODEL_NUMBER, 11)?;
+        let Some([m0, m1, _, _, _, _, firmware, _, baud, delay, mode]) = identity.as_deref() else {
+            return Ok(());
+        };
+        servo.identity = Some(ServoIdentity {
+            model_number: u16::from_le_bytes([*m0, *m1]),
+            firmware: *firmware,
+            baud_register: *baud,
+            return_delay_us: 2 * u16::from(*delay),
+            drive_mode: *mode,
+        });
         let state = self.read(servo.id, address::TORQUE_ENABLE, 7)?;
         if let Some([torque, _, _, _, level, _, error]) = state.as_deref() {
             servo.torque_enabled = Some(*torque != 0);
@@ -189,37 +200,63 @@ impl Surveyor {
         Ok((n > 0 || left_ns > 0).then_some(n))
     }
 
-    /// So many bytes of a servo's control table; `None` if no good answer came.
+    /// So many bytes of the control table of a servo that answers reads; `None` if no good answer came.
     fn read(&mut self, id: u8, at: u16, length: u16) -> Result<Option<Vec<u8>>, PortError> {
         for _ in 0..TRIES {
             self.parser.clear();
             self.port.write(self.encoder.read(id, at, length))?;
-            let bytes = usize::from(length) + PING_ANSWER_BYTES * 2;
-            let end_ns = monotonic_ns() + READ_MARGIN_NS + wire_ns(bytes, self.baud);
-            while let Some(n) = self.read_until(end_ns)? {
-                self.parser.take_bytes(n);
-                let mut refused = false;
-                while let Some(packet) = self.parser.next_packet() {
-                    let Ok(packet) = packet else {
-                        self.damaged += 1;
-                        continue;
-                    };
-                    if packet.id != id || packet.instruction != Instruction::Status as u8 {
-                        continue;
-                    }
-                    match packet.parameters {
-                        [_, data @ ..] if data.len() == usize::from(length) => {
-                            return Ok(Some(data.to_vec()));
-                        }
-                        [error, ..] => refused |= StatusByte(*error).error().is_some(),
-                        [] => {}
-                    }
-                }
-                if refused {
-                    break;
-                }
+            if let Answer::Data(data) = self.answer(id, length, BUSY_NS)? {
+                return Ok(Some(data));
             }
         }
         Ok(None)
+    }
+
+    /// The same of a servo that may answer pings alone. Behind a read without answer it is pinged: as long as it does not
+    /// answer that, the machine is busy, and the answer to the read may still come, which comes first.
+    fn first_read(&mut self, id: u8, at: u16, length: u16) -> Result<Option<Vec<u8>>, PortError> {
+        for _ in 0..TRIES {
+            self.parser.clear();
+            self.port.write(self.encoder.read(id, at, length))?;
+            let mut answer = self.answer(id, length, MARGIN_NS)?;
+            if answer == Answer::None {
+                self.port.write(self.encoder.ping(id))?;
+                answer = self.answer(id, length, BUSY_NS)?;
+            }
+            if let Answer::Data(data) = answer {
+                return Ok(Some(data));
+            }
+        }
+        Ok(None)
+    }
+
+    /// What a servo answers to a read of so many bytes, beyond its time on the wire by so long.
+    fn answer(&mut self, id: u8, length: u16, margin_ns: u64) -> Result<Answer, PortError> {
+        let bytes = usize::from(length) + PING_ANSWER_BYTES * 2;
+        let end_ns = monotonic_ns() + margin_ns + wire_ns(bytes, self.baud);
+        while let Some(n) = self.read_until(end_ns)? {
+            self.parser.take_bytes(n);
+            while let Some(packet) = self.parser.next_packet() {
+                let Ok(packet) = packet else {
+                    self.damaged += 1;
+                    continue;
+                };
+                if packet.id != id || packet.instruction != Instruction::Status as u8 {
+                    continue;
+                }
+                match packet.parameters {
+                    [_, data @ ..] if data.len() == usize::from(length) => {
+                        return Ok(Answer::Data(data.to_vec()));
+                    }
+                    [error, data @ ..]
+                        if StatusByte(*error).error().is_some() || data.len() == PING_BYTES =>
+                    {
+                        return Ok(Answer::Other);
+                    }
+                    _ => {}
+                }
+            }
+        }
+        Ok(Answer::None)
     }
 }
