@@ -8,7 +8,7 @@ use taxel_joints::{DynamixelConfig, PortStatus};
 
 /// A cycle that takes so much longer than the slowest bus needs does not end.
 const STUCK_NS: u64 = 2_000_000_000;
-/// Requests of a cycle, and bytes that the request to a servo and its answer take at most.
+/// Requests of a cycle whose answers are waited for, and bytes that the request to a servo and its answer take at most.
 const REQUESTS: u64 = 6;
 const SERVO_BYTES: usize = 40;
 /// Another program that has taken bytes within this time still does.
@@ -35,7 +35,8 @@ pub(super) fn absent(port: &PortStatus, reason: &str) -> Problem {
 
 /// The thread that reads it hangs, where no cycle has ended for so long.
 pub(super) fn stuck(config: &DynamixelConfig, port: &PortStatus, without_cycle_ns: u64) -> Option<Problem> {
-    let most_ns = STUCK_NS + REQUESTS * wire_ns(SERVO_BYTES * config.servo.len(), config.baud);
+    let margin_ns = (config.answer_margin_ms.unwrap_or_default() * 1e6) as u64;
+    let most_ns = STUCK_NS + REQUESTS * (wire_ns(SERVO_BYTES * config.servo.len(), config.baud) + margin_ns);
     let (path, seconds) = (port.path.display(), without_cycle_ns as f64 / 1e9);
     let problem = of_joints(
         Kind::SerialStuck,

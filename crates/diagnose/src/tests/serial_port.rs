@@ -4,6 +4,7 @@ use super::joints::JointsBench;
 use super::*;
 use crate::joints::test_views::{away, open, servo};
 use crate::{Place, Severity};
+use taxel_joints::JointSource;
 use taxel_joints::bus::{MotorLost, ServoIdentity};
 use taxel_joints::registers::HardwareError;
 
@@ -66,6 +67,20 @@ fn a_thread_that_ends_no_cycle_is_told_and_puts_right_nothing_that_it_last_knew(
     ]]);
     bench.pass(200, |view| servo(view, 0).temperature_c = Some(40));
     bench.said(&[&["cooled down"], &["/dev/servos is read again"]]);
+}
+
+#[test]
+fn a_cycle_that_waits_for_answers_as_it_was_told_to_does_not_hang() {
+    let mut bench = JointsBench::answering(2);
+    let JointSource::Dynamixel(config) = &mut bench.bench.joints.as_mut().unwrap().source else {
+        panic!("no servos");
+    };
+    config.answer_margin_ms = Some(500.0);
+    let waits = |view: &mut JointsView| view.servos.as_mut().unwrap().0.counters.cycles = 1;
+    bench.pass(4900, waits);
+    bench.said(&[]);
+    bench.pass(500, waits);
+    assert_eq!(bench.bench.kinds(), ["serial-stuck"]);
 }
 
 #[test]
