@@ -290,3 +290,20 @@ fn at_the_end_one_that_takes_its_time_confirms_it_before_the_silent_have_had_all
         assert!(w.now_ns < from_ns + 500 * MS);
     }
 }
+
+#[test]
+fn a_motor_that_is_to_be_off_does_not_wait_for_another_servo_s_answer() {
+    let mut w = watched(4, 2540);
+    w.bus.set_margins_ns(500 * MS, 4 * MS);
+    start(&mut w, [3]);
+    w.fault(1, ServoFault::Silent);
+    w.bus.begin(w.now_ns);
+    assert!(w.turn());
+    w.bus.command(3, OFF).unwrap();
+    let from_ns = w.now_ns;
+    while register(&w, 4, 64, 1) == 1 {
+        assert!(w.turn() && w.now_ns < from_ns + 50 * MS);
+    }
+    w.cycles(200);
+    assert!(!w.bus.has_writes());
+}

@@ -8,6 +8,8 @@ use taxel_can::monotonic_ns;
 
 /// Most bytes that are thrown away before a request; a bus that babbles on is asked all the same.
 const DRAIN_BYTES: usize = 4096;
+/// How often a bus that waits for an answer looks what else there is.
+const LOOK: Duration = Duration::from_millis(10);
 /// On top of twice an FTDI adapter's timer.
 const FTDI_MARGIN_NS: u64 = 2_000_000;
 
@@ -65,7 +67,8 @@ impl SerialBus {
         self.cycle_while(bus, |_| true)
     }
 
-    /// The same; `between` is called before it begins and between its requests, and once it says no, none is sent any more.
+    /// The same; `between` is called before it begins, again and again while an answer is waited for, and between its requests;
+    /// once it says no, none is sent any more.
     pub(crate) fn cycle_while(
         &mut self,
         bus: &mut Bus,
@@ -83,7 +86,7 @@ impl SerialBus {
                     bus.sent(monotonic_ns());
                 }
                 Step::Wait { until_ns } => {
-                    let timeout = Duration::from_nanos(until_ns.saturating_sub(monotonic_ns()));
+                    let timeout = Duration::from_nanos(until_ns.saturating_sub(monotonic_ns())).min(LOOK);
                     let n = self.port.read(bus.space(), timeout)?;
                     if n > 0 {
                         bus.take_bytes(n, monotonic_ns());

@@ -405,7 +405,11 @@ impl Thread {
                 bus.take(commands);
                 commands.clear();
             }
-            !stop.load(Ordering::Relaxed)
+            let stops = stop.load(Ordering::Relaxed);
+            if stops {
+                bus.hurry();
+            }
+            !stops
         })
     }
 

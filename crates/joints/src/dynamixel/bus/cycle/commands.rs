@@ -132,6 +132,11 @@ impl Bus {
         }
     }
 
+    /// Motors are about to be switched off: what is out has no more time than usual.
+    pub(crate) fn hurry(&mut self) {
+        self.offs_untold = true;
+    }
+
     /// Has every motor that was switched on with [`Bus::command`], or of which nobody knows whether it is off, switched off,
     /// and does nothing else any more; one that was still to be switched on stays off, also where a cycle was left before its
     /// end.

@@ -231,6 +231,7 @@ impl Bus {
     /// No write is sent any more. A motor that was to be switched off is told so when the port is back.
     fn forget_writes(&mut self) {
         self.write_tries = 0;
+        self.offs_untold = false;
         while let Some(write) = self.writes.pop_front() {
             if write.switches_off() {
                 self.servos[write.servo].owe_off();
@@ -388,7 +389,8 @@ impl Bus {
             Kind::Off => return sent_ns + pass.wire_ns,
             // Its one packet has begun, and breaks off at the first that is silent.
             Kind::Fast if pass.heard_ns.is_some() && pass.order.iter().any(rests) => self.resting_margin_ns,
-            _ if awaited.all(rests) => self.resting_margin_ns,
+            // What is out may be in vain, and motors are to be off now.
+            _ if self.offs_untold || awaited.all(rests) => self.resting_margin_ns,
             Kind::ReadBack => self.read_back_margin_ns(),
             _ => self.margin_ns,
         };
