@@ -7,7 +7,7 @@ use crate::problem::{Place, Problem};
 use std::ops::ControlFlow;
 use taxel_joints::bus::{ServoCounters, ServoState};
 use taxel_joints::protocol2::StatusError;
-use taxel_joints::{DynamixelConfig, PortState, PortStatus, ServoConfig, ServoSnapshot};
+use taxel_joints::{DynamixelConfig, JointSource, PortState, PortStatus, ServoConfig, ServoSnapshot};
 
 /// Late, damaged and refusing answers in the time looked at, from which they are a problem, if they are a fifth of all; one
 /// keeps it up. A machine that is held up for a moment makes some answers late.
@@ -295,11 +295,21 @@ impl Judge<'_> {
                 ns / 1_000_000
             ),
         };
+        let margin_ms = match &self.config.source {
+            JointSource::Dynamixel(servos) => servos.answer_margin_ms,
+            JointSource::Allegro(_) => None,
+        };
+        let advice = match margin_ms {
+            Some(margin_ms) if margin_ms >= hold_ms => format!(
+                "One that falls silent is waited for {margin_ms} ms (`answer_margin_ms`), and no other is read meanwhile: make that shorter, or `hold_ms` longer"
+            ),
+            _ => "If the bus cannot be read more often (`cycle_hz` in the status), raise its baud rate, or `hold_ms`".into(),
+        };
         of_joints(
             Kind::JointStale,
             Place::Joint(joint),
             format!("the angle of {name} is unknown: {age}"),
-            "If the bus cannot be read more often (`cycle_hz` in the status), raise its baud rate, or `hold_ms`",
+            advice,
             format!("the angle of {name} is known"),
         )
     }

@@ -280,6 +280,12 @@ fn an_angle_that_nobody_explains_is_told_as_stale() {
     ]]);
     bench.pass(200, |view| view.tick.angles[1] = 1.0);
     bench.said(&[&["is known"]]);
+    let JointSource::Dynamixel(config) = &mut bench.bench.joints.as_mut().unwrap().source else {
+        panic!("no servos");
+    };
+    config.answer_margin_ms = Some(300.0);
+    bench.pass(1000, |view| view.tick.angles[1] = f32::NAN);
+    bench.said(&[&["is unknown", "waited for 300 ms (`answer_margin_ms`)"]]);
 }
 
 #[test]

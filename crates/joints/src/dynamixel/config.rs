@@ -31,6 +31,7 @@ pub struct DynamixelConfig {
     /// for an FTDI adapter 2 ms and twice its latency timer. A servo that falls silent, or is told
     /// something then, is waited for so long, two or three times, and for that long no other is read
     /// or told anything; after that, as long as without this key, until it answers, late or not.
+    /// Angles of the others stay known where `hold_ms` is longer.
     pub answer_margin_ms: Option<f64>,
     /// The joints, in the order in which their angles are given.
     pub servo: Vec<ServoConfig>,
