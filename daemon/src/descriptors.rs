@@ -6,7 +6,7 @@ use crate::StartError;
 use crate::clients::MOST_CLIENTS;
 use nix::sys::resource::{Resource, getrlimit, setrlimit};
 
-/// Kept for what is opened later: threads, buses and ports that come back, a client that is turned away.
+/// Kept for what is opened later: threads, buses and ports that come back, readers beyond the places.
 const SPARE: usize = 32;
 
 /// Least that must be left when all threads run: for a reader, who commands, and what is opened for a moment.

@@ -7,6 +7,7 @@ import socket
 import subprocess
 import sys
 from contextlib import ExitStack
+from pathlib import Path
 
 import pytest
 import taxel_reader
@@ -14,6 +15,7 @@ from conditioning import DAEMON_SETTINGS
 from harness.compare import Reference, assert_same
 from harness.daemon import HANGS_AFTER_S, Programs, ask, eventually, read_reply
 from harness.lockstep import next_image
+from harness.recorder import taxel
 from harness.touches import Touches, grasp
 from sequential_clustering import Profile
 
@@ -190,14 +192,40 @@ def test_the_process_with_most_readers_makes_room_for_a_display_of_another(start
         for reader in readers:
             assert reader.receive(HANGS_AFTER_S).header.type == taxel_reader.HELLO
         taxel = stack.enter_context(Programs())
-        watch = taxel("watch", "--count", 3, "--socket", daemon.images, stdout=subprocess.DEVNULL)
+        watch = taxel("watch", "--socket", daemon.images, stdout=subprocess.DEVNULL)
         with pytest.raises(taxel_reader.Closed, match="made room"):
             while True:
-                assert watch.poll() in (None, 0), "a display of another process is not let in"
+                assert watch.poll() is None, "a display of another process is not let in"
                 assert readers[0].receive(HANGS_AFTER_S) is not None, "the oldest keeps its place"
-        assert watch.wait(HANGS_AFTER_S) == 0
         for reader in readers[1:]:
             assert reader.receive(HANGS_AFTER_S) is not None
+
+
+def test_who_only_looks_in_puts_no_display_out(start):
+    daemon = start(socket={"max_subscribers": 8}, tick={"mode": "timer", "rate_hz": 50.0})
+    with ExitStack() as stack:
+        displays = [stack.enter_context(taxel_reader.connect(daemon.images)) for _ in range(8)]
+        for display in displays:
+            assert display.receive(HANGS_AFTER_S).header.type == taxel_reader.HELLO
+        # Others, that come, look and go; and one that stays and is to be shown nothing.
+        for _ in range(3):
+            taxel("watch", "--count", "1", "--socket", daemon.images)
+        onlooker = (
+            "import sys, taxel_reader\n"
+            "with taxel_reader.connect(sys.argv[1], image=False, status=True) as onlooker:\n"
+            "    while onlooker.receive(60) is not None: pass\n"
+        )
+        ended = subprocess.run(
+            [sys.executable, "-c", onlooker, daemon.images],
+            env=os.environ | {"PYTHONPATH": str(Path(taxel_reader.__file__).parent)},
+            capture_output=True,
+            text=True,
+            timeout=HANGS_AFTER_S,
+        )
+        assert "8 subscribers are connected already" in ended.stderr, ended.stderr
+        assert {reader["pid"] for reader in daemon.status()["subscribers"]} == {os.getpid()}
+        for display in displays:
+            assert display.receive(HANGS_AFTER_S) is not None
 
 
 def test_a_slow_reader_is_given_the_newest_image_and_the_count_of_what_it_missed(start, lockstep, hand):

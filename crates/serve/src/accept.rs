@@ -2,15 +2,16 @@
 
 use crate::farewell::Farewell;
 use crate::profile_maker::ProfileMaker;
-use crate::registry::Entry;
+use crate::registry::{Entry, Place, Registry};
 use crate::server::Server;
 use crate::socket::Socket;
 use crate::subscriber::Subscriber;
+use std::convert::Infallible;
 use std::rc::Rc;
 use std::sync::Arc;
 use std::time::Duration;
 use taxel_wire::{Event, EventKind};
-use tokio::time::{Instant, interval, timeout};
+use tokio::time::{Instant, interval, sleep, timeout};
 use tokio_seqpacket::UnixSeqpacketListener;
 
 /// Subscribers that are let in without a pause, and the pause: at most a thousand in a second, so that
@@ -18,6 +19,9 @@ use tokio_seqpacket::UnixSeqpacketListener;
 /// for no more of them. The rest wait in `connect`.
 const MOST_AT_ONCE: u32 = 2;
 const PAUSE: Duration = Duration::from_millis(2);
+/// How long a guest has to stay, and be shown the hand, before another makes room for it: whoever only looks in puts no
+/// display out.
+const STAY: Duration = Duration::from_millis(500);
 /// How long a client may take to hear why it has to go.
 const LAST_WORDS: Duration = Duration::from_millis(100);
 
@@ -46,7 +50,7 @@ impl<M: ProfileMaker> Server<M> {
                     if !std::mem::replace(&mut failing, true) {
                         tracing::warn!(%error, "cannot accept a subscriber");
                     }
-                    tokio::time::sleep(Duration::from_millis(100)).await;
+                    sleep(Duration::from_millis(100)).await;
                 }
             }
         }
@@ -56,28 +60,31 @@ impl<M: ProfileMaker> Server<M> {
 /// Serves one client until it goes or has to go.
 async fn welcome<M: ProfileMaker>(socket: Socket, server: Rc<Server<M>>) {
     let peer = socket.peer();
-    let pid = peer.map(|p| p.pid());
+    // Processes that this namespace does not see are all called 0.
+    let pid = peer.map(|p| p.pid()).filter(|pid| *pid > 0);
     let uid = peer.map(|p| p.uid());
     let entry = Arc::new(Entry::new(pid, uid, server.profiles.own().id));
     let registry = &server.registry;
-    if !registry.make_room(&entry) {
-        let farewell = Farewell::TooMany(registry.len());
+    let Some(place) = registry.enter(&entry) else {
+        let farewell = registry.too_many();
         registry.report_turned_away(entry.pid, &farewell);
         send_disconnect(&socket, &farewell, LAST_WORDS).await;
         return;
-    }
-    registry.add(&entry);
+    };
     if let Some(unsaid) = registry.visits.borrow_mut().take_line(Instant::now()) {
         tracing::info!(pid = entry.pid, uid = entry.uid, "subscriber connected{unsaid}");
     }
     let farewell = match Subscriber::new(socket, server.clone(), &entry) {
         Ok(mut subscriber) => {
-            let farewell = subscriber.attend().await;
-            match farewell {
-                Farewell::Nonsense(_) | Farewell::Insists(_) | Farewell::MadeRoom | Farewell::Crowds => {
-                    send_disconnect(&subscriber.socket, &farewell, LAST_WORDS).await;
-                }
-                _ => {}
+            let farewell = tokio::select! {
+                farewell = subscriber.attend() => farewell,
+                never = settle(registry, &entry), if place == Place::Guest => match never {},
+            };
+            if let Farewell::TooMany(_) = farewell {
+                registry.report_turned_away(entry.pid, &farewell);
+            }
+            if farewell.is_told() {
+                send_disconnect(&subscriber.socket, &farewell, LAST_WORDS).await;
             }
             farewell
         }
@@ -93,6 +100,13 @@ async fn welcome<M: ProfileMaker>(socket: Socket, server: Rc<Server<M>>) {
             "subscriber gone: {farewell}{unsaid}"
         );
     }
+}
+
+/// Sees to a place for a guest once it has stayed.
+async fn settle(registry: &Registry, guest: &Arc<Entry>) -> Infallible {
+    sleep(STAY).await;
+    registry.settle(guest);
+    std::future::pending().await
 }
 
 /// Tells a client why it is let go, if it takes the message soon.

@@ -7,7 +7,7 @@ use taxel_hand::{RangeError, check_range};
 /// How many subscribers there may be, and how patient the program is with them.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub struct Limits {
-    /// Most subscribers at once.
+    /// Most subscribers at once. Up to a quarter more, eight at most, are served for half a second, until one of all leaves.
     pub max_subscribers: usize,
     /// A subscriber that takes nothing for this long is disconnected, ms.
     pub stall_ms: u32,

@@ -21,8 +21,17 @@ pub(crate) enum Farewell {
     TooMany(usize),
     #[error("all places are taken, and it wants no images: it made room for a display; connect again")]
     MadeRoom,
-    #[error("all places are taken, most of them by this process: the oldest made room for another's")]
+    #[error(
+        "all places are taken, more of them by this process than by any other: its oldest made room for another's"
+    )]
     Crowds,
+}
+
+impl Farewell {
+    /// Whether the client is told why: whoever has gone, or reads nothing, is not.
+    pub(crate) fn is_told(&self) -> bool {
+        !matches!(self, Self::Closed | Self::Failed(_) | Self::Stalled(_))
+    }
 }
 
 /// Who leaves without having read all that was sent resets the connection: it has closed it all the same.

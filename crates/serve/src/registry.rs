@@ -8,8 +8,8 @@ use crate::sent::Sent;
 use crate::stream::OverTicks;
 use std::cell::{Cell, RefCell};
 use std::collections::HashMap;
-use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, AtomicU32, Ordering::Relaxed};
+use std::sync::{Arc, Mutex, PoisonError};
 use std::time::{Duration, Instant};
 use taxel_wire::status::SubscriberStatus;
 use tokio::sync::Notify;
@@ -18,6 +18,8 @@ use tokio::sync::Notify;
 const TURNED_AWAY_PERIOD: Duration = Duration::from_secs(10);
 /// Clients that are turned away try again within this time, as a rule.
 const OF_LATE: Duration = Duration::from_secs(5);
+/// Most guests at once; fewer where there are few places, since each has a file descriptor too.
+const MOST_GUESTS: usize = 8;
 
 /// The subscribers of a server.
 #[derive(Debug)]
@@ -48,8 +50,9 @@ pub(crate) struct Entry {
     wants_raw: AtomicBool,
     wants_status: AtomicBool,
     wants_every: AtomicBool,
-    /// Told when another one takes its place.
-    pub(crate) leave: Notify,
+    /// Told when it has to leave, and why.
+    leave: Notify,
+    dismissal: Mutex<Option<Farewell>>,
     /// Number of the display profile it is shown.
     profile: AtomicU32,
 }
@@ -67,6 +70,7 @@ impl Entry {
             wants_status: AtomicBool::default(),
             wants_every: AtomicBool::default(),
             leave: Notify::new(),
+            dismissal: Mutex::default(),
             profile: AtomicU32::new(profile),
         }
     }
@@ -86,16 +90,26 @@ impl Entry {
         self.wants_status.load(Relaxed)
     }
 
-    fn process(&self) -> (Option<u32>, Option<i32>) {
-        (self.uid, self.pid)
+    /// Its process, where the kernel tells it from others.
+    fn process(&self) -> Option<(Option<u32>, i32)> {
+        self.pid.map(|pid| (self.uid, pid))
     }
 
-    /// Why it makes room for another.
-    pub(crate) fn farewell(&self) -> Farewell {
-        match self.is_shown_anything() {
-            true => Farewell::Crowds,
-            false => Farewell::MadeRoom,
-        }
+    /// Has it leave.
+    fn dismiss(&self, why: Farewell) {
+        *self.dismissal.lock().unwrap_or_else(PoisonError::into_inner) = Some(why);
+        self.leave.notify_one();
+    }
+
+    /// Waits until it has to leave, and says why.
+    pub(crate) async fn dismissed(&self) -> Farewell {
+        self.leave.notified().await;
+        let why = self
+            .dismissal
+            .lock()
+            .unwrap_or_else(PoisonError::into_inner)
+            .take();
+        why.unwrap_or(Farewell::Closed)
     }
 
     /// Whether it is shown anything of the hand. Whoever has just come is, unless it says otherwise.
@@ -128,6 +142,15 @@ impl Entry {
     }
 }
 
+/// What one that comes is given.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub(crate) enum Place {
+    /// One that was free.
+    Own,
+    /// None yet: it is served beyond the places until it is [settled](Registry::settle).
+    Guest,
+}
+
 impl Registry {
     pub(crate) fn new(limits: Limits) -> Self {
         Self {
@@ -142,34 +165,61 @@ impl Registry {
         }
     }
 
-    /// Sees to a place for `new`, and says whether there is one. Who is shown nothing of the hand loses its own for it, the
-    /// oldest first; or else the oldest of the process that has most of them, where `new` is of one that has fewer.
-    pub(crate) fn make_room(&self, new: &Entry) -> bool {
+    /// Lets `new` in; `None` where all places are taken and nobody would leave for it, or there are guests enough.
+    pub(crate) fn enter(&self, new: &Arc<Entry>) -> Option<Place> {
         let mut entries = self.entries.borrow_mut();
-        if entries.len() < self.max {
-            return true;
+        let guests = (self.max / 4).clamp(1, MOST_GUESTS);
+        let place = match entries.len() {
+            taken if taken < self.max => Place::Own,
+            taken if taken < self.max + guests => self.leaving(&entries, new).map(|_| Place::Guest)?,
+            _ => return None,
+        };
+        entries.push(new.clone());
+        Some(place)
+    }
+
+    /// Gives a guest a place, or has it leave. Who has gone by then has put nobody out.
+    pub(crate) fn settle(&self, guest: &Arc<Entry>) {
+        let mut entries = self.entries.borrow_mut();
+        let Some(itself) = entries.iter().position(|entry| Arc::ptr_eq(entry, guest)) else {
+            return;
+        };
+        if entries.len() <= self.max {
+            return;
         }
-        let idle = entries.iter().position(|entry| !entry.is_shown_anything());
-        let leaving = idle.or_else(|| {
-            let processes = || entries.iter().map(|entry| entry.process());
-            let (crowding, most) = most_crowding(self.max, processes())?;
-            let own = processes().filter(|process| *process == new.process()).count();
-            // Or each would push the other out in turn.
-            (own + 1 < most).then(|| processes().position(|process| process == crowding))?
+        let leaving = self.leaving(&entries, guest).unwrap_or(itself);
+        let entry = entries.remove(leaving);
+        entry.dismiss(match entry.is_shown_anything() {
+            _ if leaving == itself => self.too_many(),
+            true => Farewell::Crowds,
+            false => Farewell::MadeRoom,
         });
-        if let Some(leaving) = leaving {
-            entries.remove(leaving).leave.notify_one();
-        }
-        leaving.is_some()
+    }
+
+    /// Who leaves for `new`: the oldest that is shown nothing of the hand, or else the oldest of the process that has most
+    /// places, where `new` is of one that has fewer. Those that the kernel does not tell apart crowd nobody.
+    fn leaving(&self, entries: &[Arc<Entry>], new: &Arc<Entry>) -> Option<usize> {
+        let idle = entries.iter().position(|entry| !entry.is_shown_anything());
+        idle.or_else(|| {
+            let processes = || entries.iter().map(|entry| entry.process());
+            let (crowding, most) = most_crowding(self.max, processes().flatten())?;
+            let others = entries.iter().filter(|entry| !Arc::ptr_eq(entry, new));
+            let own = others
+                .filter(|entry| new.pid.is_some() && entry.process() == new.process())
+                .count();
+            // Or each would push the other out in turn.
+            (own + 1 < most).then(|| processes().position(|process| process == Some(crowding)))?
+        })
+    }
+
+    /// Why one that is turned away is.
+    pub(crate) fn too_many(&self) -> Farewell {
+        Farewell::TooMany(self.max)
     }
 
     /// Whether clients are turned away these days.
     pub(crate) fn is_crowded(&self) -> bool {
         (self.turned_away_at.get()).is_some_and(|at| at.elapsed() < OF_LATE)
-    }
-
-    pub(crate) fn add(&self, entry: &Arc<Entry>) {
-        self.entries.borrow_mut().push(entry.clone());
     }
 
     pub(crate) fn remove(&self, entry: &Arc<Entry>) {
@@ -188,7 +238,7 @@ impl Registry {
     /// Tells the log what was not told line by line.
     pub(crate) fn tidy(&self) {
         if let Some(lines) = self.visits.borrow_mut().take_unsaid(Instant::now().into()) {
-            tracing::info!("{lines} lines on subscribers that came and went are not in this log");
+            tracing::info!("lines on subscribers that came and went that are not in this log: {lines}");
         }
         if let Some(clients) = self.turned_away.borrow_mut().take_unsaid(Instant::now().into()) {
             tracing::warn!(clients, "turned away");
@@ -213,11 +263,6 @@ impl Registry {
         }
     }
 
-    /// How many subscribers are connected.
-    pub(crate) fn len(&self) -> usize {
-        self.entries.borrow().len()
-    }
-
     /// All of them.
     pub(crate) fn entries(&self) -> Vec<Arc<Entry>> {
         self.entries.borrow().clone()
@@ -236,14 +281,32 @@ mod tests {
         })
     }
 
-    /// Whether one of this process is let in.
+    fn entry(pid: i32) -> Arc<Entry> {
+        Arc::new(Entry::new(Some(pid), Some(1000), 0))
+    }
+
+    fn has_place(registry: &Registry, entry: &Arc<Entry>) -> bool {
+        registry.entries().iter().any(|other| Arc::ptr_eq(other, entry))
+    }
+
+    /// Whether one of this process is let in, and stays.
     fn enter(registry: &Registry, pid: i32) -> bool {
-        let entry = Arc::new(Entry::new(Some(pid), Some(1000), 0));
-        let has_room = registry.make_room(&entry);
-        if has_room {
-            registry.add(&entry);
+        let entry = entry(pid);
+        if registry.enter(&entry) == Some(Place::Guest) {
+            registry.settle(&entry);
         }
-        has_room
+        has_place(registry, &entry)
+    }
+
+    fn why(entry: &Entry) -> Option<Farewell> {
+        entry.dismissal.lock().unwrap().take()
+    }
+
+    fn want_nothing(entry: &Entry) {
+        entry.set_wants(&taxel_wire::Subscribe {
+            image: false,
+            ..Default::default()
+        });
     }
 
     fn places(registry: &Registry) -> Vec<i32> {
@@ -257,9 +320,9 @@ mod tests {
         let oldest = registry.entries()[0].clone();
         assert!(!enter(&registry, 1), "it has most of them itself");
         assert!(enter(&registry, 3));
-        assert!(!registry.entries().iter().any(|entry| Arc::ptr_eq(entry, &oldest)));
+        assert!(!has_place(&registry, &oldest));
         assert_eq!(places(&registry), [1, 1, 1, 1, 1, 1, 2, 3]);
-        assert!(matches!(oldest.farewell(), Farewell::Crowds));
+        assert!(matches!(why(&oldest), Some(Farewell::Crowds)));
         assert!(enter(&registry, 2) && enter(&registry, 2));
         assert_eq!(places(&registry), [1, 1, 1, 1, 2, 3, 2, 2]);
         assert!(!enter(&registry, 2), "both would push each other out in turn");
@@ -272,20 +335,62 @@ mod tests {
         let registry = registry(8);
         assert!((0..8).all(|_| enter(&registry, 1)));
         let onlooker = registry.entries()[5].clone();
-        onlooker.set_wants(&taxel_wire::Subscribe {
-            image: false,
-            ..Default::default()
-        });
-        assert!(matches!(onlooker.farewell(), Farewell::MadeRoom));
+        want_nothing(&onlooker);
         assert!(enter(&registry, 2));
-        assert!(
-            !registry
-                .entries()
-                .iter()
-                .any(|entry| Arc::ptr_eq(entry, &onlooker))
-        );
+        assert!(matches!(why(&onlooker), Some(Farewell::MadeRoom)));
+        assert!(!has_place(&registry, &onlooker));
 
         let registry = self::registry(8);
         assert!((0..8).all(|pid| enter(&registry, pid)) && !enter(&registry, 9));
+    }
+
+    #[test]
+    fn who_only_looks_in_or_is_to_be_shown_nothing_puts_no_display_out() {
+        let registry = registry(8);
+        assert!((0..8).all(|_| enter(&registry, 1)));
+        for pid in 2..100 {
+            let guest = entry(pid);
+            assert_eq!(registry.enter(&guest), Some(Place::Guest));
+            registry.remove(&guest);
+            registry.settle(&guest);
+        }
+        let onlooker = entry(100);
+        assert_eq!(registry.enter(&onlooker), Some(Place::Guest));
+        want_nothing(&onlooker);
+        registry.settle(&onlooker);
+        assert!(matches!(why(&onlooker), Some(Farewell::TooMany(8))));
+        assert_eq!(places(&registry), [1; 8]);
+
+        // Where somebody has left meanwhile, nobody has to.
+        let guest = entry(101);
+        assert_eq!(registry.enter(&guest), Some(Place::Guest));
+        registry.remove(&registry.entries()[0].clone());
+        registry.settle(&guest);
+        assert_eq!(places(&registry), [1, 1, 1, 1, 1, 1, 1, 101]);
+    }
+
+    #[test]
+    fn guests_are_few_and_each_that_stays_puts_out_one() {
+        let registry = registry(8);
+        assert!((0..8).all(|_| enter(&registry, 1)));
+        let guests: Vec<_> = (2..5).map(entry).collect();
+        let entered: Vec<_> = guests.iter().map(|guest| registry.enter(guest)).collect();
+        assert_eq!(entered, [Some(Place::Guest), Some(Place::Guest), None]);
+        for guest in &guests {
+            registry.settle(guest);
+        }
+        assert_eq!(places(&registry), [1, 1, 1, 1, 1, 1, 2, 3]);
+    }
+
+    #[test]
+    fn readers_that_the_kernel_does_not_tell_apart_crowd_nobody() {
+        let unknown = || Arc::new(Entry::new(None, Some(0), 0));
+        let registry = registry(8);
+        assert!((0..6).all(|_| registry.enter(&unknown()) == Some(Place::Own)));
+        assert!(enter(&registry, 1) && enter(&registry, 1));
+        // Two of a process are more than an eighth, and six of nobody knows whom are not for one that is known.
+        assert!(enter(&registry, 2));
+        assert_eq!(places(&registry), [1, 2]);
+        assert_eq!(registry.enter(&unknown()), None);
     }
 }

@@ -154,7 +154,7 @@ impl<'a, M: ProfileMaker> Subscriber<'a, M> {
         let entry = self.entry;
         let farewell = tokio::select! {
             biased;
-            () = entry.leave.notified() => entry.farewell(),
+            farewell = entry.dismissed() => farewell,
             served = self.serve() => match served {
                 Ok(never) => match never {},
                 Err(farewell) => farewell,
