@@ -15,7 +15,7 @@ use taxel_diagnose::{
     ANY_CHANGE_IS_CONTACT, BusView, Crowd, HandView, JointsReporter, JointsView, News, Severity,
 };
 use taxel_hand::{Fault, ForceFrame};
-use taxel_serve::LogLines;
+use taxel_serve::{LogLines, and_unsaid};
 use taxel_skin::BoardState;
 use taxel_wire::{Event, EventKind};
 use tokio::time::{Instant, MissedTickBehavior, interval};
@@ -186,9 +186,7 @@ fn report_out_of_use(state: &State, now: &Snapshot, out_of_use: &mut OutOfUse, a
         };
         let name = &module.name;
         let mut reasons = faults.iter().map(Fault::name).collect::<Vec<_>>().join(", ");
-        if unsaid > 0 {
-            reasons += &format!(" ({unsaid} such lines before it are not in the log)");
-        }
+        reasons += &and_unsaid(unsaid, "line");
         match taxels[..] {
             [taxel] => {
                 let k = layout.k[taxel];
@@ -204,7 +202,7 @@ fn report_out_of_use(state: &State, now: &Snapshot, out_of_use: &mut OutOfUse, a
     }
     if let Some(unsaid) = out_of_use.left_out(at) {
         tracing::warn!(
-            "{unsaid} more lines on taxels out of use are not in the log; `taxel doctor` shows which are now"
+            "lines on taxels out of use that are not in the log: {unsaid}; `taxel doctor` shows which are now"
         );
     }
 }

@@ -52,22 +52,23 @@ impl LogLines {
 
     /// Whether a line may be said: what then stands behind it.
     pub(crate) fn take_line(&mut self, now: Instant) -> Option<String> {
-        Some(and_unsaid(self.take(false, now)?, "lines"))
+        Some(and_unsaid(self.take(false, now)?, "line"))
     }
 
     /// Says in the log that something has changed.
     pub fn say(&mut self, text: &str, now: Instant) {
         if let Some(unsaid) = self.take(false, now) {
-            tracing::info!("{text}{}", and_unsaid(unsaid, "changes"));
+            tracing::info!("{text}{}", and_unsaid(unsaid, "change"));
         }
     }
 }
 
-/// What stands behind a line where others before it, `what` in the plural, were not said; nothing where all were.
+/// What stands behind a line where others before it, `what` in the singular, were not said; nothing where all were.
 pub fn and_unsaid(unsaid: u64, what: &str) -> String {
     match unsaid {
         0 => String::new(),
-        _ => format!("; {unsaid} such {what} before it are not in the log"),
+        1 => format!("; 1 such {what} before it is not in the log"),
+        _ => format!("; {unsaid} such {what}s before it are not in the log"),
     }
 }
 
@@ -94,6 +95,14 @@ mod tests {
             None,
             "all is said or counted"
         );
+    }
+
+    #[test]
+    fn one_line_is_no_lines() {
+        let said = |unsaid| and_unsaid(unsaid, "request");
+        assert_eq!(said(0), "");
+        assert_eq!(said(1), "; 1 such request before it is not in the log");
+        assert_eq!(said(2), "; 2 such requests before it are not in the log");
     }
 
     #[test]

@@ -129,7 +129,7 @@ impl ChangeLog {
             all.retain(|_, lines| lines.has_left_out());
         }
         let lines = all.entry((asker.user.map(|(uid, _)| uid), change)).or_default();
-        let more = and_unsaid(lines.take(always, now)?, "requests");
+        let more = and_unsaid(lines.take(always, now)?, "request");
         Some(format!("{what}, by request of {asker}{more}"))
     }
 }

@@ -177,7 +177,7 @@ impl<M: ProfileMaker> Profiles<M> {
             self.remove(&idle);
         }
         if let Some(lines) = self.changes.borrow_mut().take_unsaid(Instant::now().into()) {
-            tracing::info!("{lines} lines on display profiles that came and went are not in this log");
+            tracing::info!("lines on display profiles that came and went that are not in this log: {lines}");
         }
     }
 
