@@ -6,11 +6,12 @@ use std::panic::{AssertUnwindSafe, catch_unwind};
 use std::rc::Rc;
 use std::time::Duration;
 use taxel_config::{Config, ConfigError};
+use taxel_diagnose::NotReloaded;
 use tokio::sync::mpsc::UnboundedReceiver;
 use tokio::sync::oneshot;
 use tokio::time::timeout;
 
-/// A file that is not read by then is told as refused until it is.
+/// A file that is not read by then is a problem until it is.
 const PATIENCE: Duration = Duration::from_secs(3);
 
 /// A configuration that was read again, or why it cannot be read.
@@ -44,10 +45,7 @@ pub(crate) async fn take_up(mut readings: UnboundedReceiver<Reading>, state: Rc<
         let read = match timeout(PATIENCE, &mut reading).await {
             Ok(read) => read,
             Err(_) => {
-                let late = format!(
-                    "it has not been read for {PATIENCE:?}, as on a disk that does not answer; another reload waits for that"
-                );
-                note(&state, Some(late));
+                note(&state, Some(NotReloaded::Unread(PATIENCE)));
                 reading.await
             }
         };
@@ -56,18 +54,21 @@ pub(crate) async fn take_up(mut readings: UnboundedReceiver<Reading>, state: Rc<
             Ok(Err(why)) => Err(why),
             Err(_) => Err("no thread can be started that reads it".into()),
         };
-        note(&state, taken_up.err());
+        note(&state, taken_up.err().map(NotReloaded::Refused));
     }
 }
 
 /// Takes note of why the newest configuration is refused, which the [problems](State::problems) tell. Only that another
 /// reason took the place of one is said here: to them it is the same problem.
-fn note(state: &State, refused: Option<String>) {
+fn note(state: &State, refused: Option<NotReloaded>) {
     let before = state.reload_refused.replace(refused);
-    if let (Some(before), Some(why)) = (before, &*state.reload_refused.borrow())
-        && before != *why
-    {
-        tracing::warn!("the configuration was read again and is still refused: {why}");
+    match (before, &*state.reload_refused.borrow()) {
+        (Some(before), Some(now)) if before == *now => {}
+        (Some(NotReloaded::Refused(_)), Some(NotReloaded::Refused(why))) => {
+            tracing::warn!("the configuration was read again and is still refused: {why}");
+        }
+        (Some(_), Some(now)) => tracing::warn!("{}", now.sentence()),
+        _ => {}
     }
     state.reports.outdate();
 }

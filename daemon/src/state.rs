@@ -12,7 +12,7 @@ use std::sync::atomic::Ordering;
 use std::sync::{Arc, mpsc};
 use std::time::{Duration, Instant};
 use taxel_config::Config;
-use taxel_diagnose::{JointsView, Problems, Severity, Starting};
+use taxel_diagnose::{JointsView, NotReloaded, Problems, Severity, Starting};
 use taxel_engine::TickMode;
 use taxel_joints::JointReader;
 use taxel_serve::{Roster, ServerHandle};
@@ -35,7 +35,7 @@ pub(crate) struct State {
     /// What is wrong with buses, boards and joints.
     pub(crate) problems: RefCell<Problems>,
     /// Why the configuration that was read last is not the one that runs.
-    pub(crate) reload_refused: RefCell<Option<String>>,
+    pub(crate) reload_refused: RefCell<Option<NotReloaded>>,
     /// The sockets that nobody can connect to, and why.
     pub(crate) sockets_lost: RefCell<Option<String>>,
     /// Who is connected to the socket that only tells, and to the one for changes.

@@ -294,7 +294,7 @@ fn report_problems(state: &State, now: &Snapshot, joints: Option<&JointsView>, b
         unchanging: &now.unchanging,
         joints,
         boards_due,
-        reload_refused: refused.as_deref(),
+        reload_refused: refused.as_ref(),
         sockets_lost: sockets_lost.as_deref(),
         crowd: crowd.as_ref(),
     };

@@ -26,6 +26,20 @@ fn the_unit_for_one_of_several_hands_is_the_other_with_names_of_its_own() {
 }
 
 #[test]
+fn a_reload_is_taxelds_before_it_is_checked_so_that_the_status_tells_of_a_file_that_cannot_be_read() {
+    let text = unit("taxeld.service");
+    let reloads: Vec<&str> = text
+        .lines()
+        .filter(|line| line.starts_with("ExecReload="))
+        .collect();
+    let expected = [
+        "ExecReload=kill -HUP $MAINPID",
+        "ExecReload=taxeld --config /etc/taxeld/taxeld.toml --check",
+    ];
+    assert_eq!(reloads, expected);
+}
+
+#[test]
 fn the_units_beside_that_of_one_of_several_hands_are_the_others_with_its_names() {
     let one = unit("taxel-record.service")
         .replace("of what a robot hand", "of what the robot hand %I")

@@ -242,7 +242,7 @@ def test_a_file_that_does_not_end_is_read_beside_all_else_and_told_and_the_next_
     os.replace(folder / "next", daemon.config)
     daemon.process.send_signal(signal.SIGHUP)
     eventually(refused, lambda: f"not told:\n{daemon.log}")
-    assert "has not been read for" in refused()[0]
+    assert "has not been read for" in refused()[0] and "is refused" not in refused()[0]
     os.close(end)
     eventually(lambda: "[profile] is taken up" in daemon.log, lambda: f"the second is lost:\n{daemon.log}")
     eventually(lambda: not refused(), refused)

@@ -20,6 +20,7 @@ mod problem;
 mod problems;
 mod rate_limiter;
 mod readers;
+mod reload;
 mod traffic;
 mod view;
 
@@ -35,6 +36,7 @@ pub use news::News;
 pub use problem::{Place, Problem};
 pub use problems::{CurrentProblem, Problems};
 pub use readers::Crowd;
+pub use reload::NotReloaded;
 pub use traffic::speaks_on;
 pub use view::{BusView, HandSetup, HandView, Starting};
 

@@ -8,7 +8,7 @@ use crate::news::{self, News, Told};
 use crate::problem::{Place, Problem};
 use crate::rate_limiter::Telling;
 use crate::view::{HandSetup, HandView, Look};
-use crate::{array, boards, bus, contacts, malformed, readers, traffic};
+use crate::{array, boards, bus, contacts, malformed, readers, reload, traffic};
 use std::collections::{HashMap, VecDeque};
 use taxel_can::SourceCounters;
 use taxel_joints::JointsConfig;
@@ -117,7 +117,7 @@ impl Problems {
             };
             judge.judge(&mut self.patience, &mut self.angles_used, &mut found);
         }
-        found.extend(view.reload_refused.map(reload_refused));
+        found.extend(view.reload_refused.map(reload::refused));
         found.extend(view.sockets_lost.map(sockets_lost));
         found.extend(view.crowd.map(readers::turned_away));
         let joints = setup.joints.map(JointsConfig::joint_names).unwrap_or_default();
@@ -228,16 +228,6 @@ impl Problems {
         let s = if self.current.len() == 1 { "" } else { "s" };
         (!kinds.is_empty()).then(|| format!("{} problem{s} ({})", self.current.len(), kinds.join(", ")))
     }
-}
-
-fn reload_refused(why: &str) -> Problem {
-    Problem::new(
-        Kind::ReloadRefused,
-        Place::Daemon,
-        format!("the configuration was read again and is refused: {why}"),
-        "The one before goes on. Mend the file, and have it read again",
-        "the configuration was read again and is taken up",
-    )
 }
 
 fn sockets_lost(which: &str) -> Problem {

@@ -2,6 +2,7 @@
 
 use crate::joints_view::JointsView;
 use crate::readers::Crowd;
+use crate::reload::NotReloaded;
 use taxel_can::{LinkState, SourceAddress, SourceCounters};
 use taxel_joints::JointsConfig;
 use taxel_skin::{BoardStatus, Finding, Layout};
@@ -40,8 +41,8 @@ pub struct HandView<'a> {
     pub joints: Option<&'a JointsView>,
     /// Whether every board had the time to speak up since the start.
     pub boards_due: bool,
-    /// Why the configuration that was read last was refused; `None` where it was taken up.
-    pub reload_refused: Option<&'a str>,
+    /// Why the configuration that was to be read again last is not taken up; `None` where it was.
+    pub reload_refused: Option<&'a NotReloaded>,
     /// The daemon's sockets that nobody can connect to any more, and why; `None` where all can be reached.
     pub sockets_lost: Option<&'a str>,
     /// Who holds the places of readers where some are turned away; `None` where none are.

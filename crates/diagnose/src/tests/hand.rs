@@ -7,7 +7,9 @@ use taxel_can::SourceCounters;
 #[test]
 fn a_refused_reload_is_a_problem_until_one_is_taken_up() {
     let mut bench = Bench::new();
-    bench.pass(60_000, |s| s.reload_refused = Some("hand.toml:3: unknown key"));
+    bench.pass(60_000, |s| {
+        s.reload_refused = Some(NotReloaded::Refused("hand.toml:3: unknown key".into()));
+    });
     assert_eq!(bench.kinds(), ["reload-refused"]);
     assert_eq!(bench.problems.kinds(Place::Daemon), [Kind::ReloadRefused]);
     let now = &bench.problems.current()[0].problem;
@@ -20,6 +22,18 @@ fn a_refused_reload_is_a_problem_until_one_is_taken_up() {
     assert!(
         sentence.contains("refused: hand.toml:3: unknown key. The one before goes on"),
         "{sentence}"
+    );
+
+    let mut bench = Bench::new();
+    bench.pass(1000, |s| {
+        s.reload_refused = Some(NotReloaded::Unread(std::time::Duration::from_secs(3)));
+    });
+    let [News::Came { sentence: told, .. }] = &bench.said[..] else {
+        panic!("{:?}", bench.said);
+    };
+    assert!(
+        told.contains("has not been read for 3s") && !told.contains("refused"),
+        "{told}"
     );
 }
 

@@ -7,7 +7,7 @@ mod serial_port;
 mod servo_answers;
 mod telling;
 
-use crate::{BusView, Crowd, HandSetup, HandView, JointsView, Kind, News, Problems};
+use crate::{BusView, Crowd, HandSetup, HandView, JointsView, Kind, News, NotReloaded, Problems};
 use taxel_can::{LinkState, SourceAddress};
 use taxel_joints::JointsConfig;
 use taxel_skin::{BoardState, BoardStatus, Finding, Layout};
@@ -22,7 +22,7 @@ struct Known {
     boards: Vec<BoardStatus>,
     findings: Vec<Finding>,
     unchanging: Vec<bool>,
-    reload_refused: Option<&'static str>,
+    reload_refused: Option<NotReloaded>,
     sockets_lost: Option<&'static str>,
     crowd: Option<Crowd>,
 }
@@ -100,7 +100,7 @@ impl Bench {
             unchanging: &self.known.unchanging,
             joints,
             boards_due: true,
-            reload_refused: self.known.reload_refused,
+            reload_refused: self.known.reload_refused.as_ref(),
             sockets_lost: self.known.sockets_lost,
             crowd: self.known.crowd.as_ref(),
         };

@@ -80,7 +80,9 @@ fn said_of_refusals(times_ms: &[(u64, u64)]) -> Vec<(f64, bool, String)> {
     let mut said = Vec::new();
     let mut pass = |bench: &mut Bench, ms: u64, refused: Option<&'static str>| {
         for _ in 0..ms / 100 {
-            bench.pass(100, |s| s.reload_refused = refused);
+            bench.pass(100, |s| {
+                s.reload_refused = refused.map(|why| NotReloaded::Refused(why.into()));
+            });
             let now_s = (bench.known.now_ns / MS) as f64 / 1e3;
             said.extend((bench.said.drain(..)).map(|news| {
                 let came = matches!(news, News::Came { .. });
