@@ -14,7 +14,7 @@ use taxel_can::LinkState;
 use taxel_diagnose::{
     ANY_CHANGE_IS_CONTACT, BusView, Crowd, HandView, JointsReporter, JointsView, News, Severity,
 };
-use taxel_hand::{Fault, ForceFrame};
+use taxel_hand::Fault;
 use taxel_serve::{LogLines, and_unsaid};
 use taxel_skin::BoardState;
 use taxel_wire::{Event, EventKind};
@@ -128,8 +128,7 @@ fn report_changes(state: &State, before: Option<&Snapshot>, now: &Snapshot, told
     if let Some(line) = told.overruns.look(now.overruns, at) {
         tracing::warn!("{line}");
     }
-    let of_before = before.map(|before| &before.force);
-    if let Some(event) = calibration_event(of_before, &now.force, now.moved) {
+    for event in calibration_events(before, now) {
         told.baselines.say(&event.message, at);
         state.server.announce(event);
     }
@@ -207,28 +206,36 @@ fn report_out_of_use(state: &State, now: &Snapshot, out_of_use: &mut OutOfUse, a
     }
 }
 
-/// What is told where the baseline begins to be measured, or is. Every hand begins with that, and it may be over when it
-/// is looked at first: `paper` measures two frames.
-fn calibration_event(before: Option<&ForceFrame>, now: &ForceFrame, moved: bool) -> Option<Event> {
-    let was_calibrating = before.is_none_or(|before| before.calibrating);
-    match now.calibrating {
-        now if now == was_calibrating => None,
-        true => {
-            let text = "measuring the baseline; do not touch the hand";
-            Some(Event::new(EventKind::Calibrating, text))
-        }
-        false => {
-            let mut text = format!("baseline measured, contact threshold {:.1}", now.threshold);
-            if now.threshold == 0.0 {
-                text += &format!(": {ANY_CHANGE_IS_CONTACT}");
-            }
-            if moved {
-                text += "; the hand moved meanwhile, and rests as in the quieter half of that time: `taxel rezero` measures \
-                         it again";
-            }
-            Some(Event::new(EventKind::Calibrated, text))
-        }
+/// What is told where the baseline begins to be measured, and is. Every hand begins with that, and both may be over when it
+/// is looked at: `paper` measures two frames.
+fn calibration_events(before: Option<&Snapshot>, now: &Snapshot) -> impl Iterator<Item = Event> {
+    let was_calibrating = before.is_none_or(|before| before.force.calibrating);
+    let is_calibrating = now.force.calibrating;
+    let calibrations = |look: &Snapshot| look.conditioning.calibrations;
+    let is_measured =
+        calibrations(now) > before.map_or(0, calibrations) || (was_calibrating && !is_calibrating);
+    let begins = || {
+        Event::new(
+            EventKind::Calibrating,
+            "measuring the baseline; do not touch the hand",
+        )
+    };
+    let unseen = (is_measured && !was_calibrating).then(begins);
+    let measured = is_measured.then(|| calibrated_event(now));
+    let anew = (is_calibrating && (is_measured || !was_calibrating)).then(begins);
+    [unseen, measured, anew].into_iter().flatten()
+}
+
+fn calibrated_event(now: &Snapshot) -> Event {
+    let threshold = now.force.threshold;
+    let mut text = format!("baseline measured, contact threshold {threshold:.1}");
+    if threshold == 0.0 {
+        text += &format!(": {ANY_CHANGE_IS_CONTACT}");
     }
+    if now.moved {
+        text += "; the hand moved meanwhile, and rests as in the quieter half of that time: `taxel rezero` measures it again";
+    }
+    Event::new(EventKind::Calibrated, text)
 }
 
 fn report_pause(state: &State, was_paused: bool, is_paused: bool, lines: &mut LogLines, at: Instant) {
@@ -335,26 +342,41 @@ mod tests {
     use super::*;
 
     #[test]
-    fn a_baseline_that_is_measured_before_the_first_look_is_told() {
-        let look = |calibrating, threshold| ForceFrame {
-            calibrating,
-            threshold,
-            ..ForceFrame::new(1)
+    fn a_baseline_that_is_measured_between_two_looks_is_told() {
+        let look = |calibrations, calibrating, threshold| {
+            let mut look = Snapshot::new(1, 1, 1, 0);
+            look.conditioning.calibrations = calibrations;
+            (look.force.calibrating, look.force.threshold) = (calibrating, threshold);
+            look
         };
-        let (measuring, measured, of_none) = (look(true, 0.0), look(false, 12.5), look(false, 0.0));
+        let (measuring, measured, of_none) = (look(0, true, 0.0), look(1, false, 12.5), look(1, false, 0.0));
+        let begins = "measuring the baseline";
         for (before, now, wanted) in [
-            (None, &measuring, None),
-            (None, &measured, Some("baseline measured, contact threshold 12.5")),
-            (None, &of_none, Some("baseline measured, contact threshold 0.0: ")),
-            (Some(&measuring), &measured, Some("baseline measured")),
-            (Some(&measured), &measured, None),
-            (Some(&measured), &measuring, Some("measuring the baseline")),
+            (None, &measuring, vec![]),
+            (None, &measured, vec!["baseline measured, contact threshold 12.5"]),
+            (None, &of_none, vec!["baseline measured, contact threshold 0.0: "]),
+            (Some(&measuring), &measured, vec!["baseline measured"]),
+            (Some(&measured), &measured, vec![]),
+            (Some(&measured), &look(1, true, 12.5), vec![begins]),
+            (
+                Some(&measured),
+                &look(2, false, 13.5),
+                vec![begins, "baseline measured, contact threshold 13.5"],
+            ),
+            (
+                Some(&look(1, true, 12.5)),
+                &look(2, true, 13.5),
+                vec!["baseline measured, contact threshold 13.5", begins],
+            ),
         ] {
-            let told = calibration_event(before, now, false).map(|event| event.message);
-            let is_wanted = wanted.map_or(told.is_none(), |wanted| {
-                told.as_deref().is_some_and(|told| told.starts_with(wanted))
-            });
-            assert!(is_wanted, "{told:?}, not {wanted:?}");
+            let told: Vec<String> = calibration_events(before, now)
+                .map(|event| event.message)
+                .collect();
+            let is_wanted = |(told, wanted): (&String, &&str)| told.starts_with(wanted);
+            assert!(
+                told.len() == wanted.len() && told.iter().zip(&wanted).all(is_wanted),
+                "{told:?}, not {wanted:?}"
+            );
         }
     }
 

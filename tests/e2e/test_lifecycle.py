@@ -252,6 +252,23 @@ def test_a_file_that_does_not_end_is_read_beside_all_else_and_told_and_the_next_
     os.close(end)
 
 
+def test_each_baseline_that_is_measured_is_told_however_soon_it_is(folder):
+    # Two frames, 10 ms, where it is looked at each 100 ms.
+    tables = {"tick": {"mode": "timer", "rate_hz": 100.0}, "conditioning": {"preset": "paper"}}
+    with Daemon(folder / "d", ["sim:idle"], layout="uskin-module", **tables) as daemon:
+        with taxel_reader.connect(daemon.images, image=False) as reader:
+            for n in range(10):
+                assert daemon.control("rezero")["ok"]
+                told = []
+                while not told or told[-1] != "calibrated":
+                    message = reader.receive(60)
+                    assert message is not None, f"it is not told: {told}"
+                    if message.header.type == taxel_reader.EVENT:
+                        told.append(message.json()["event"])
+                # The first may be that of the start, which begins before anybody is told.
+                assert n == 0 or told[-2:] == ["calibrating", "calibrated"]
+
+
 def test_a_configuration_that_is_not_there_is_named(folder):
     missing = folder / "no.toml"
     ended = subprocess.run([binary("taxeld"), "--config", missing], capture_output=True, text=True)

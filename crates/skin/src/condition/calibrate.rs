@@ -346,6 +346,7 @@ impl Conditioner {
         }
         (self.calibration.reported, self.calibration.progress) = (true, 1.0);
         self.calibration.phase = Phase::Done;
+        self.counters.calibrations += 1;
     }
 
     /// The reasons against a taxel as they stand at the end of a calibration.

@@ -81,4 +81,6 @@ pub struct ConditionCounters {
     pub mismatched_frames: u64,
     /// Times the frames' time went backwards.
     pub clock_restarts: u64,
+    /// Calibrations that have ended.
+    pub calibrations: u64,
 }
