@@ -50,7 +50,8 @@ impl Descriptors {
     }
 }
 
-/// Refuses to serve where so few are left, now that all threads run, that nobody could switch a motor off.
+/// Refuses to serve where so few are left, now that all threads run and nobody is let in yet, that nobody could switch a
+/// motor off.
 pub(crate) fn check() -> Result<(), StartError> {
     let limit = raise_limit();
     let needed = in_use(limit).saturating_add(LEAST);

@@ -46,7 +46,7 @@ use std::sync::atomic::Ordering;
 use std::sync::{Arc, Mutex, mpsc};
 use std::thread::JoinHandle;
 use taxel_joints::JointReader;
-use tokio::sync::oneshot;
+use tokio::sync::{oneshot, watch};
 
 /// A running daemon. Dropping it stops it.
 #[derive(Debug)]
@@ -125,13 +125,14 @@ impl Daemon {
         // Sending images must not wait for an answer to somebody, so each has a thread.
         let server = seed.handle();
         let (ready, is_ready) = mpsc::channel();
+        let (go, going) = watch::channel(false);
         let (stop_images, images_stopped) = oneshot::channel();
         daemon.images = Some(start::spawn_images(
             listeners.images,
             seed,
             realtime,
             images_stopped,
-            ready.clone(),
+            (ready.clone(), going.clone()),
         )?);
         let (stop, stopped) = oneshot::channel();
         daemon.stop = Some(stop);
@@ -139,7 +140,7 @@ impl Daemon {
         daemon.control = Some(start::spawn_control(
             [listeners.control, listeners.status],
             realtime,
-            ready,
+            (ready, going),
             async move |control, status| {
                 let _stop_images = stop_images;
                 let state = Rc::new(state());
@@ -157,7 +158,9 @@ impl Daemon {
                 Err(StartError::System { what: "serve", error })
             })?;
         }
+        // Whoever waits to be let in, as the displays do after a restart, is not counted.
         descriptors::check()?;
+        go.send_replace(true);
         Ok(daemon)
     }
 

@@ -15,11 +15,14 @@ use taxel_joints::JointReader;
 use taxel_serve::{Limits, Server, ServerSeed};
 use taxel_wire::Clock;
 use tokio::net::UnixListener;
-use tokio::sync::oneshot;
+use tokio::sync::{oneshot, watch};
 use tokio_seqpacket::UnixSeqpacketListener;
 
 /// What is told by a thread that serves: whether it can.
 type Ready = mpsc::Sender<Result<(), StartError>>;
+
+/// What it is told: whether it is to serve.
+type Go = watch::Receiver<bool>;
 
 /// A hand that can be read, and what there is for those who are to be served.
 pub(crate) struct Pipeline {
@@ -135,9 +138,9 @@ pub(crate) fn spawn_images(
     seed: ServerSeed<ImageMaker>,
     realtime: RealtimeConfig,
     stopped: oneshot::Receiver<()>,
-    ready: Ready,
+    (ready, go): (Ready, Go),
 ) -> Result<JoinHandle<()>, StartError> {
-    serving_thread("images", ready, async move || {
+    serving_thread("images", (ready, go), async move || {
         let listener = UnixSeqpacketListener::try_from(listener).map_err(system("listen on a socket"))?;
         // Below the tick thread and that of the joints; the former has said why, if it is refused.
         let be_urgent = move || {
@@ -161,10 +164,10 @@ pub(crate) fn spawn_images(
 pub(crate) fn spawn_control(
     listeners: [OwnedFd; 2],
     realtime: RealtimeConfig,
-    ready: Ready,
+    (ready, go): (Ready, Go),
     serve: impl AsyncFnOnce(UnixListener, UnixListener) + Send + 'static,
 ) -> Result<JoinHandle<()>, StartError> {
-    serving_thread("control", ready, async move || {
+    serving_thread("control", (ready, go), async move || {
         let open =
             |listener: OwnedFd| UnixListener::from_std(listener.into()).map_err(system("listen on a socket"));
         let [control, status] = listeners;
@@ -178,10 +181,10 @@ pub(crate) fn spawn_control(
 }
 
 /// Starts a thread that runs `main` in a runtime of its own: first what may fail, whose outcome it
-/// tells, then what that gives, to its end.
+/// tells, then, on the word to go, what that gives, to its end.
 fn serving_thread<Run: Future<Output = ()>>(
     name: &'static str,
-    ready: Ready,
+    (ready, mut go): (Ready, Go),
     main: impl AsyncFnOnce() -> Result<Run, StartError> + Send + 'static,
 ) -> Result<JoinHandle<()>, StartError> {
     let run = move || {
@@ -200,7 +203,9 @@ fn serving_thread<Run: Future<Output = ()>>(
                     let _ = ready.send(Ok(()));
                     // Or nobody would notice that another thread has ended without a word.
                     drop(ready);
-                    run.await;
+                    if go.wait_for(|go| *go).await.is_ok() {
+                        run.await;
+                    }
                 }
                 Err(error) => {
                     let _ = ready.send(Err(error));
@@ -221,15 +226,16 @@ mod tests {
     #[test]
     fn a_thread_that_dies_before_it_serves_is_noticed_though_the_other_serves() {
         let (ready, is_ready) = mpsc::channel();
+        let (_go, going) = watch::channel(true);
         let (stop, stopped) = oneshot::channel::<()>();
-        let serves = serving_thread("serves", ready.clone(), async move || {
+        let serves = serving_thread("serves", (ready.clone(), going.clone()), async move || {
             Ok(async move {
                 let _ = stopped.await;
             })
         });
         let dies = serving_thread(
             "dies",
-            ready,
+            (ready, going),
             async || -> Result<std::future::Ready<()>, StartError> { panic!("as the test wants it") },
         );
         let patience = Duration::from_secs(200);

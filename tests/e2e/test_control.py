@@ -91,6 +91,43 @@ def test_with_few_files_it_says_so_and_ends_or_a_motor_can_be_switched_off(folde
     assert 24 in ended and 40 not in ended, ended
 
 
+def test_displays_that_connect_again_meanwhile_keep_no_start_from_going_well(folder):
+    over = threading.Event()
+    path = folder / "d" / "images.sock"
+
+    def display():
+        while not over.is_set():
+            try:
+                with socket.socket(socket.AF_UNIX, socket.SOCK_SEQPACKET) as reader:
+                    reader.settimeout(20)
+                    reader.connect(str(path))
+                    while reader.recv(65536) and not over.is_set():
+                        pass
+            except OSError:
+                over.wait(0.002)
+
+    def starts(limit):
+        daemon = Daemon(folder / "d", SCENE, tick=TICK)
+        daemon.log_path.unlink(missing_ok=True)
+        daemon.spawn(["prlimit", f"--nofile={limit}"])
+        try:
+            eventually(lambda: daemon.process.poll() is not None or "ready" in daemon.log, "it does not start")
+            return daemon.process.poll() is None
+        finally:
+            daemon.kill()
+
+    fewest = next(limit for limit in range(19, 60) if starts(limit))
+    displays = [threading.Thread(target=display) for _ in range(20)]
+    for thread in displays:
+        thread.start()
+    try:
+        assert all(starts(fewest + 1) for _ in range(3))
+    finally:
+        over.set()
+        for thread in displays:
+            thread.join()
+
+
 def test_a_client_that_asks_without_end_is_slowed_and_the_others_are_not(daemon):
     request = b'{"cmd":"profile"}\n'  # all the answers fit into a socket that nobody reads
     with connect(daemon.control_path) as flood, connect(daemon.control_path) as other:
