@@ -86,6 +86,7 @@ fn run(arguments: &Arguments) -> anyhow::Result<ExitCode> {
     let mask = SigSet::all()
         .thread_swap_mask(SigmaskHow::SIG_SETMASK)
         .context("cannot block signals")?;
+    service_manager::attach();
     let images = config.socket.images.clone();
     let mut daemon = Daemon::start(config)?;
     tracing::info!(images = %images.display(), "ready");

@@ -1,12 +1,14 @@
 """What signals do: boards and motors are stopped by every one that ends a process and can be caught."""
 
+import os
 import signal
 import socket
+import subprocess
 import threading
 
 import pytest
 from harness.bus import MulticastBuses
-from harness.daemon import Daemon, eventually
+from harness.daemon import Daemon, binary, eventually
 from harness.joints import IDS, SCENE, TICK, TORQUE, WATCHDOG, WRITING, dynamixel, servo
 from harness.servos import Servos
 
@@ -136,3 +138,34 @@ def test_a_service_manager_is_told_that_it_stops(folder):
             assert daemon.stop() == 0
         reader.join()
         assert b"READY=1" in told and told[-1] == b"STOPPING=1"
+
+
+def test_the_watchdog_is_fed_also_while_no_more_files_may_be_opened(folder):
+    with socket.socket(socket.AF_UNIX, socket.SOCK_DGRAM) as manager:
+        manager.settimeout(60)
+        manager.bind(str(folder / "notify"))
+        told = []
+
+        def read():
+            while not told or told[-1] != b"STOPPING=1":
+                told.append(manager.recv(4096))
+
+        reader = threading.Thread(target=read, daemon=True)
+        reader.start()
+        with Daemon(folder / "d", SCENE, environment={"NOTIFY_SOCKET": manager.getsockname()}, tick=TICK) as daemon:
+            subprocess.run(["prlimit", f"--pid={daemon.process.pid}", "--nofile=3:3"], check=True)
+            before = told.count(b"WATCHDOG=1")
+            eventually(lambda: told.count(b"WATCHDOG=1") > before + 3, "it is not fed")
+            assert daemon.stop() == 0
+        reader.join(60)
+        assert told[-1] == b"STOPPING=1"
+
+
+def test_a_demo_tells_the_service_manager_of_the_program_that_runs_it_nothing(folder):
+    with socket.socket(socket.AF_UNIX, socket.SOCK_DGRAM) as manager:
+        manager.bind(str(folder / "notify"))
+        environment = os.environ | {"NOTIFY_SOCKET": manager.getsockname()}
+        command = [binary("taxel"), "demo", "--json", "--seconds", "2"]
+        subprocess.run(command, check=True, stdout=subprocess.DEVNULL, env=environment)
+        with pytest.raises(BlockingIOError):
+            manager.recv(4096, socket.MSG_DONTWAIT)
