@@ -34,7 +34,10 @@ def test_the_connection_that_was_idle_for_longest_makes_room_and_is_told(daemon)
         with connect(daemon.folder / "status.sock") as looker:
             let_in = lambda: ask(looker, {"cmd": "status"})["status"]["control"]["clients"] == PLACES + 1  # noqa: E731
             eventually(let_in, "not all of them are let in")
-        # The first asks something, which makes it the last.
+        # Who has not been heard yet is not idle.
+        for client in idle:
+            assert ask(client, {"cmd": "profile"})["ok"]
+        # The first asks something again, which makes it the last.
         assert ask(idle[0], {"cmd": "status"})["ok"]
         late = [stack.enter_context(connect(daemon.control_path)) for _ in range(3)]
         for client in late:

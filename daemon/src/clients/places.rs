@@ -3,16 +3,22 @@
 use super::asker::Process;
 use std::cell::{Cell, RefCell};
 use std::rc::Rc;
+use std::time::Duration;
 use taxel_serve::most_crowding;
 use taxel_wire::status::ControlStatus;
 use tokio::sync::Notify;
-use tokio::time::Instant;
+use tokio::time::{Instant, timeout};
 
 /// Most connections to one control socket at once: so many that one which has just come is heard before as many others
 /// have. Fewer where fewer files may be open.
 pub(crate) const MOST_CLIENTS: usize = 128;
 
-/// What a client is doing, in the order in which they have to go.
+/// So long a connection that has just come is not idle, since its first line may be on its way.
+const UNHEARD: Duration = Duration::from_millis(100);
+/// How often it is looked whether somebody has become idle without a word.
+const LOOK: Duration = Duration::from_millis(10);
+
+/// What a client is doing, in the order in which they have to go; the last two only for others of their own process.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord)]
 pub(crate) enum Doing {
     /// It asks more than it may, and has to wait.
@@ -23,6 +29,8 @@ pub(crate) enum Doing {
     Obeying,
     /// A motor is being switched off for it.
     Releasing,
+    /// It has just come, and nothing of it was read yet.
+    Unheard,
 }
 
 /// The connections to one control socket, and counts since the start.
@@ -32,6 +40,8 @@ pub(crate) struct Places {
     clients: RefCell<Vec<Rc<Client>>>,
     made_room: Cell<u64>,
     slowed: Cell<u64>,
+    /// Told when a client may have become one that makes room.
+    changed: Notify,
 }
 
 #[derive(Debug)]
@@ -56,17 +66,18 @@ impl Places {
             clients: RefCell::default(),
             made_room: Cell::new(0),
             slowed: Cell::new(0),
+            changed: Notify::new(),
         }
     }
 
     /// A place for a new connection of this process; where there is none, another one loses its own.
     pub(crate) fn enter(self: &Rc<Self>, process: Process, now: Instant) -> Place {
         if self.clients.borrow().len() >= self.most {
-            self.make_room();
+            self.make_room(now);
         }
         let client = Rc::new(Client {
             process,
-            doing: Cell::new((Doing::Nothing, now)),
+            doing: Cell::new((Doing::Unheard, now)),
             leave: Notify::new(),
         });
         self.clients.borrow_mut().push(client.clone());
@@ -76,19 +87,40 @@ impl Places {
         }
     }
 
-    /// Has the client go that has done nothing for longest: of the process that crowds the others, where one does, or
-    /// what it does without end would keep out whoever has not been heard yet.
-    pub(crate) fn make_room(&self) {
+    /// Waits until there is a place, or somebody would make room.
+    pub(crate) async fn room(&self) {
+        while !self.has_room(Instant::now()) {
+            // That one which has come and said nothing is idle by now is told by nobody.
+            let _ = timeout(LOOK, self.changed.notified()).await;
+        }
+    }
+
+    fn has_room(&self, now: Instant) -> bool {
+        let clients = self.clients.borrow();
+        clients.len() < self.most || self.leaving(&clients, now).is_some()
+    }
+
+    /// Has the client go that has done nothing for longest, where there is one that may be put out.
+    pub(crate) fn make_room(&self, now: Instant) {
         let mut clients = self.clients.borrow_mut();
-        let crowding = most_crowding(self.most, clients.iter().map(|client| client.process));
-        let goes = |client: &Client| crowding.is_none_or(|(process, _)| client.process == process);
-        let oldest = (0..clients.len())
-            .filter(|i| goes(&clients[*i]))
-            .min_by_key(|i| clients[*i].doing.get());
-        if let Some(oldest) = oldest {
-            clients.remove(oldest).leave.notify_one();
+        if let Some(leaving) = self.leaving(&clients, now) {
+            clients.remove(leaving).leave.notify_one();
             self.made_room.set(self.made_room.get() + 1);
         }
+    }
+
+    /// Who goes: of the process that crowds the others, where one does, or what it does without end would keep out whoever
+    /// has not been heard yet. Else nobody who has just come, or for whom a motor is being switched off: neither lasts, and
+    /// whoever comes waits until one of them is idle.
+    fn leaving(&self, clients: &[Rc<Client>], now: Instant) -> Option<usize> {
+        let crowding = most_crowding(self.most, clients.iter().map(|client| client.process));
+        let goes = |client: &Client| match crowding {
+            Some((process, _)) => client.process == process,
+            None => client.doing(now).0 <= Doing::Obeying,
+        };
+        (0..clients.len())
+            .filter(|i| goes(&clients[*i]))
+            .min_by_key(|i| clients[*i].doing(now))
     }
 
     /// Adds its counts to a status report.
@@ -99,10 +131,21 @@ impl Places {
     }
 }
 
+impl Client {
+    /// What it does, and since when.
+    fn doing(&self, now: Instant) -> (Doing, Instant) {
+        match self.doing.get() {
+            (Doing::Unheard, since) if now.duration_since(since) >= UNHEARD => (Doing::Nothing, since),
+            doing => doing,
+        }
+    }
+}
+
 impl Place {
     /// Notes what its client does from now on.
     pub(crate) fn set(&self, doing: Doing, now: Instant) {
         self.client.doing.set((doing, now));
+        self.places.changed.notify_one();
     }
 
     /// Counts a request that has to wait, and notes that its client does.
@@ -121,13 +164,13 @@ impl Drop for Place {
     fn drop(&mut self) {
         let mut clients = self.places.clients.borrow_mut();
         clients.retain(|client| !Rc::ptr_eq(client, &self.client));
+        self.places.changed.notify_one();
     }
 }
 
 #[cfg(test)]
 mod tests {
     use super::*;
-    use std::time::Duration;
 
     const MOST: usize = MOST_CLIENTS;
 
@@ -184,6 +227,72 @@ mod tests {
         // Whose place is taken connects again.
         let _again: Vec<Place> = (0..3 * MOST).map(|_| enter()).collect();
         assert!(!has_to_go(&new));
+    }
+
+    #[test]
+    fn however_many_let_go_of_motors_they_put_out_nobody_who_comes_to_do_so_once() {
+        let process = |pid| Some((1000, Some(pid)));
+        let ten_times_fourteen = (0..MOST as i32).map(|n| process(10 + n % 10));
+        let once_each = (0..MOST as i32).map(|n| process(10 + n));
+        for occupants in [ten_times_fourteen.collect::<Vec<_>>(), once_each.collect()] {
+            let places = Rc::new(Places::new(MOST));
+            let now = Instant::now();
+            let enter = |process| {
+                let place = places.enter(process, now);
+                place.set(Doing::Releasing, now);
+                place
+            };
+            let held: Vec<Place> = occupants.iter().map(|process| enter(*process)).collect();
+            // Until one of them has been answered, whoever comes waits; and then it is heard before any other.
+            assert!(!places.has_room(now));
+            held[40].set(Doing::Nothing, now);
+            assert!(places.has_room(now));
+            let new = places.enter(process(1), now);
+            assert!(has_to_go(&held[40]) && !places.has_room(now));
+            new.set(Doing::Releasing, now);
+            // Each that was answered comes again.
+            let mut again = Vec::new();
+            for place in held.iter().filter(|place| !has_to_go(place)) {
+                place.set(Doing::Nothing, now);
+                again.push(enter(place.client.process));
+            }
+            assert!(!has_to_go(&new) && !places.has_room(now));
+        }
+    }
+
+    #[tokio::test(start_paused = true)]
+    async fn whoever_waits_for_a_place_has_one_once_another_is_idle() {
+        let places = Rc::new(Places::new(2));
+        let now = Instant::now();
+        let first = places.enter(Some((1000, Some(1))), now);
+        let _silent = places.enter(Some((1000, Some(2))), now);
+        first.set(Doing::Releasing, now);
+        assert!(timeout(UNHEARD / 2, places.room()).await.is_err());
+        first.set(Doing::Nothing, now);
+        places.room().await;
+        first.set(Doing::Releasing, now);
+        assert!(timeout(UNHEARD / 4, places.room()).await.is_err());
+        // The other has said nothing for long.
+        places.room().await;
+        assert!(now.elapsed() >= UNHEARD);
+    }
+
+    #[test]
+    fn who_says_nothing_at_all_is_idle_before_long() {
+        let places = Rc::new(Places::new(MOST));
+        let start = Instant::now();
+        let of = |pid| Some((1000, Some(pid)));
+        let silent = places.enter(of(1), start);
+        let releasing: Vec<_> = (2..=MOST as i32)
+            .map(|pid| {
+                let place = places.enter(of(pid), start);
+                place.set(Doing::Releasing, start);
+                place
+            })
+            .collect();
+        assert!(!places.has_room(start));
+        let _new = places.enter(None, start + UNHEARD);
+        assert!(has_to_go(&silent) && !releasing.iter().any(has_to_go));
     }
 
     #[test]

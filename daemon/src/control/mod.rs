@@ -2,8 +2,9 @@
 //!
 //! There are two: one that only tells, for everybody who may see images, and one for those who may change something.
 //! Neither can be occupied. A connection too many takes the place of the one that has been idle for longest, and where one
-//! process has most of them, of its own alone. A client that asks without end is slowed. A request to switch off a motor that
-//! there is has a pace of its own, which nobody needs more of, and gives up its place last.
+//! process has most of them, of its own alone. Who has just come is heard first. A client that asks without end is slowed. A
+//! request to switch off a motor that there is has a pace of its own, which nobody needs more of, and whose it is stays until
+//! that is done.
 //!
 //! Who has gone before a request of theirs is begun does not have it carried out, since nobody would know of it; a motor is
 //! switched off all the same.
@@ -63,6 +64,7 @@ async fn serve(listener: UnixListener, state: Rc<State>, access: Access, places:
             Ok((stream, _)) => {
                 failing = false;
                 let asker = Asker::of(&stream, access);
+                places.room().await;
                 let (state, place) = (state.clone(), places.enter(asker.user, Instant::now()));
                 tokio::task::spawn_local(async move {
                     // A client that goes away in the middle of a request is no news.
@@ -80,7 +82,7 @@ async fn serve(listener: UnixListener, state: Rc<State>, access: Access, places:
                 if !std::mem::replace(&mut failing, true) {
                     tracing::warn!(%error, "cannot accept a control connection");
                 }
-                places.make_room();
+                places.make_room(Instant::now());
                 sleep(Duration::from_millis(100)).await;
             }
         }
@@ -215,6 +217,8 @@ impl Talk<'_> {
             if !self.reply(&reply).await? || too_long {
                 return Ok(());
             }
+            // Who asks without end is idle for a moment, or nobody who waits for a place would ever have one.
+            yield_now().await;
         }
         Ok(())
     }
