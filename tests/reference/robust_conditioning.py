@@ -88,7 +88,10 @@ def rest_in_the_quieter_half(rest):
     unrest = lambda h: (of(lambda r: r.halves[h].left_out) > MOVED_LEFT_OUT, of(lambda r: r.halves[h].peak))
     half = min(range(2), key=unrest)
     least = lambda r: max(r.halves[half].peak, r.step, MOVED_LEAST)
-    if of(lambda r: r.peak) <= MOVED_PEAKS * of(least):
+    quiet = MOVED_PEAKS * of(least)
+    left_out, peak = unrest(1 - half)
+    # Where both halves are as quiet, one of them may be under a touch, and nobody knows which.
+    if of(lambda r: r.peak) <= quiet or (not left_out and peak <= quiet):
         return False
     for r in rest:
         r.touched |= bool(r.halves[half].strongest > MOVED_PEAKS * least(r))

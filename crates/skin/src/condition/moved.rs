@@ -14,25 +14,31 @@ const LEAST_PEAK_COUNTS: u32 = 4;
 const LEFT_OUT: f64 = 0.1;
 
 /// How little the hand rests in a half.
+#[derive(Debug, Clone, Copy)]
 struct Unrest {
+    half: usize,
     is_left_out: bool,
     peak: f64,
 }
 
 impl Conditioner {
-    /// Takes the rest of all taxels from the half in which the hand is quieter, if it moves in the other.
+    /// Takes the rest of all taxels from the half in which the hand is quieter, if it moves in the other. Where both are as
+    /// quiet, one of them may be under a touch, and nobody knows which.
     pub(super) fn rest_in_the_quieter_half(&mut self) {
-        let halves = (0..2).filter_map(|half| Some((half, self.unrest(half)?)));
-        let by_unrest = |a: &(usize, Unrest), b: &(usize, Unrest)| {
-            (a.1.is_left_out.cmp(&b.1.is_left_out)).then(a.1.peak.total_cmp(&b.1.peak))
-        };
-        let Some((half, _)) = halves.min_by(by_unrest) else {
+        let [Some(first), Some(last)] = [self.unrest(0), self.unrest(1)] else {
             return;
         };
+        let is_first = first.is_left_out < last.is_left_out
+            || first.is_left_out == last.is_left_out && first.peak <= last.peak;
+        let (Unrest { half, .. }, other) = if is_first { (first, last) } else { (last, first) };
         let moved = self.median(half, |_, idle, _| idle.rest.peak);
         let quiet = self.median(half, |half, _, least| half.rest.peak.max(least));
+        let (Some(moved), Some(quiet)) = (moved, quiet) else {
+            return;
+        };
         let times = self.in_unit_of_force(MOVED_PEAKS);
-        if moved <= quiet.map(|peak| times * peak) {
+        let is_quiet = !other.is_left_out && other.peak <= times * quiet;
+        if moved <= times * quiet || is_quiet {
             return;
         }
         self.calibration.report.moved = true;
@@ -48,6 +54,7 @@ impl Conditioner {
 
     fn unrest(&mut self, half: usize) -> Option<Unrest> {
         Some(Unrest {
+            half,
             is_left_out: self.median(half, |half, _, _| half.left_out)? > LEFT_OUT,
             peak: self.median(half, |half, _, _| half.rest.peak)?,
         })

@@ -91,6 +91,23 @@ fn what_a_clean_touch_changes_while_it_is_calibrated_is_left_out() {
 }
 
 #[test]
+fn a_light_touch_for_half_the_time_puts_no_untouched_hand_in_contact() {
+    // It is no outlier, and as still as what is before or after it.
+    for (taxels, begin_s, end_s) in [(16, 0.8, 1.6), (8, 0.8, 1.6), (16, 0.0, 0.7), (8, 0.0, 0.7)] {
+        let touch = |n: usize, t: f64| n < taxels && (begin_s..end_s).contains(&t);
+        let mut hand = calibrated(|n, t| if touch(n, t) { 60.0 } else { 0.0 });
+        for _ in 0..60 {
+            hand.step_with(|_| {});
+            assert_eq!(
+                hand.out.contacts(),
+                0,
+                "{taxels} taxels from {begin_s} to {end_s} s"
+            );
+        }
+    }
+}
+
+#[test]
 fn a_hand_that_sways_all_the_time_while_it_is_calibrated_feels_nothing_when_it_sways_on() {
     let sway = |t: f64| 30.0 * (12.0 * t).sin();
     let mut hand = calibrated(|_, t| sway(t));
