@@ -110,13 +110,18 @@ impl Places {
     }
 
     /// Who goes: of the process that crowds the others, where one does, or what it does without end would keep out whoever
-    /// has not been heard yet. Else nobody who has just come, or for whom a motor is being switched off: neither lasts, and
-    /// whoever comes waits until one of them is idle.
+    /// has not been heard yet. Else one that is idle: whoever comes waits until one is. Only where none will be soon, one
+    /// that drives a motor or whose request is being carried out.
     fn leaving(&self, clients: &[Rc<Client>], now: Instant) -> Option<usize> {
         let crowding = most_crowding(self.most, clients.iter().map(|client| client.process));
+        let soon = |client: &Rc<Client>| matches!(client.doing(now).0, Doing::Unheard | Doing::Releasing);
+        let last = match clients.iter().any(soon) {
+            true => Doing::Nothing,
+            false => Doing::Obeying,
+        };
         let goes = |client: &Client| match crowding {
             Some((process, _)) => client.process == process,
-            None => client.doing(now).0 <= Doing::Obeying,
+            None => client.doing(now).0 <= last,
         };
         (0..clients.len())
             .filter(|i| goes(&clients[*i]))
@@ -293,6 +298,25 @@ mod tests {
         assert!(!places.has_room(start));
         let _new = places.enter(None, start + UNHEARD);
         assert!(has_to_go(&silent) && !releasing.iter().any(has_to_go));
+    }
+
+    #[test]
+    fn who_drives_a_motor_goes_only_where_nobody_will_be_idle_soon() {
+        let start = Instant::now();
+        let places = Rc::new(Places::new(MOST));
+        let enter = |pid| places.enter(Some((1000, Some(pid))), start);
+        let driving = enter(1);
+        driving.set(Doing::Obeying, start);
+        let silent: Vec<_> = (2..=MOST as i32).map(enter).collect();
+        assert!(!places.has_room(start));
+        let heard = start + UNHEARD;
+        let _new = places.enter(None, heard);
+        assert!(has_to_go(&silent[0]) && !has_to_go(&driving));
+        // Nor would whoever comes wait for ever.
+        silent[1..]
+            .iter()
+            .for_each(|place| place.set(Doing::Obeying, heard));
+        assert!(places.has_room(heard + UNHEARD));
     }
 
     #[test]
