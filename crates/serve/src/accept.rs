@@ -2,7 +2,7 @@
 
 use crate::farewell::Farewell;
 use crate::profile_maker::ProfileMaker;
-use crate::registry::{Entry, Place, Registry};
+use crate::registry::{Entry, Registry};
 use crate::server::Server;
 use crate::socket::Socket;
 use crate::subscriber::Subscriber;
@@ -65,12 +65,12 @@ async fn welcome<M: ProfileMaker>(socket: Socket, server: Rc<Server<M>>) {
     let uid = peer.map(|p| p.uid());
     let entry = Arc::new(Entry::new(pid, uid, server.profiles.own().id));
     let registry = &server.registry;
-    let Some(place) = registry.enter(&entry) else {
+    if !registry.enter(&entry) {
         let farewell = registry.too_many();
         registry.report_turned_away(entry.pid, &farewell);
         send_disconnect(&socket, &farewell, LAST_WORDS).await;
         return;
-    };
+    }
     if let Some(unsaid) = registry.visits.borrow_mut().take_line(Instant::now()) {
         tracing::info!(pid = entry.pid, uid = entry.uid, "subscriber connected{unsaid}");
     }
@@ -78,7 +78,7 @@ async fn welcome<M: ProfileMaker>(socket: Socket, server: Rc<Server<M>>) {
         Ok(mut subscriber) => {
             let farewell = tokio::select! {
                 farewell = subscriber.attend() => farewell,
-                never = settle(registry, &entry), if place == Place::Guest => match never {},
+                never = settle(registry, &entry), if entry.is_guest() => match never {},
             };
             if let Farewell::TooMany(_) = farewell {
                 registry.report_turned_away(entry.pid, &farewell);

@@ -12,12 +12,14 @@ use std::sync::atomic::{AtomicBool, AtomicU32, Ordering::Relaxed};
 use std::sync::{Arc, Mutex, PoisonError};
 use std::time::{Duration, Instant};
 use taxel_wire::status::SubscriberStatus;
-use tokio::sync::Notify;
+use tokio::sync::{Notify, watch};
 
 /// A client that tries again and again to get in is told of in the log no more often.
 const TURNED_AWAY_PERIOD: Duration = Duration::from_secs(10);
 /// Clients that are turned away try again within this time, as a rule.
 const OF_LATE: Duration = Duration::from_secs(5);
+/// Fewest guests at once: one of another beside one of the process that has most.
+const FEWEST_GUESTS: usize = 2;
 /// Most guests at once; fewer where there are few places, since each has a file descriptor too.
 const MOST_GUESTS: usize = 8;
 
@@ -55,6 +57,8 @@ pub(crate) struct Entry {
     dismissal: Mutex<Option<Farewell>>,
     /// Number of the display profile it is shown.
     profile: AtomicU32,
+    /// Whether it is served beyond the places until it is [settled](Registry::settle).
+    guest: watch::Sender<bool>,
 }
 
 impl Entry {
@@ -72,6 +76,7 @@ impl Entry {
             leave: Notify::new(),
             dismissal: Mutex::default(),
             profile: AtomicU32::new(profile),
+            guest: watch::Sender::new(false),
         }
     }
 
@@ -112,6 +117,10 @@ impl Entry {
         why.unwrap_or(Farewell::Closed)
     }
 
+    pub(crate) fn is_guest(&self) -> bool {
+        *self.guest.borrow()
+    }
+
     /// Whether it is shown anything of the hand. Whoever has just come is, unless it says otherwise.
     fn is_shown_anything(&self) -> bool {
         self.wants_image.load(Relaxed) || self.wants_raw.load(Relaxed)
@@ -142,15 +151,6 @@ impl Entry {
     }
 }
 
-/// What one that comes is given.
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub(crate) enum Place {
-    /// One that was free.
-    Own,
-    /// None yet: it is served beyond the places until it is [settled](Registry::settle).
-    Guest,
-}
-
 impl Registry {
     pub(crate) fn new(limits: Limits) -> Self {
         Self {
@@ -165,51 +165,54 @@ impl Registry {
         }
     }
 
-    /// Lets `new` in; `None` where all places are taken and nobody would leave for it, or there are guests enough.
-    pub(crate) fn enter(&self, new: &Arc<Entry>) -> Option<Place> {
+    /// Lets `new` in, as a guest where all places are taken; `false` where nobody would leave for it, or there are guests
+    /// enough. Guests too make room for those of a process that has fewer.
+    pub(crate) fn enter(&self, new: &Arc<Entry>) -> bool {
         let mut entries = self.entries.borrow_mut();
-        let guests = (self.max / 4).clamp(1, MOST_GUESTS);
-        let place = match entries.len() {
-            taken if taken < self.max => Place::Own,
-            taken if taken < self.max + guests => self.leaving(&entries, new).map(|_| Place::Guest)?,
-            _ => return None,
-        };
+        if entries.len() >= self.max {
+            let (guests, settled) = divide(&entries);
+            if self.leaving(&settled, new).is_none() {
+                return false;
+            }
+            let most = (self.max / 4).clamp(FEWEST_GUESTS, MOST_GUESTS);
+            if guests.len() >= most {
+                let Some(guest) = crowding(most, &guests, new) else {
+                    return false;
+                };
+                dismiss(&mut entries, &guest, self.too_many());
+            }
+            new.guest.send_replace(true);
+        }
         entries.push(new.clone());
-        Some(place)
+        true
     }
 
-    /// Gives a guest a place, or has it leave. Who has gone by then has put nobody out.
+    /// Gives a guest a place, or has it leave. Who has gone by then, or is shown nothing, has put nobody out.
     pub(crate) fn settle(&self, guest: &Arc<Entry>) {
         let mut entries = self.entries.borrow_mut();
-        let Some(itself) = entries.iter().position(|entry| Arc::ptr_eq(entry, guest)) else {
-            return;
-        };
-        if entries.len() <= self.max {
+        if !entries.iter().any(|entry| Arc::ptr_eq(entry, guest)) {
             return;
         }
-        let leaving = self.leaving(&entries, guest).unwrap_or(itself);
-        let entry = entries.remove(leaving);
-        entry.dismiss(match entry.is_shown_anything() {
-            _ if leaving == itself => self.too_many(),
-            true => Farewell::Crowds,
-            false => Farewell::MadeRoom,
-        });
+        let (_, settled) = divide(&entries);
+        if settled.len() >= self.max {
+            let leaving = self.leaving(&settled, guest);
+            let Some(leaving) = leaving.filter(|_| guest.is_shown_anything()) else {
+                return dismiss(&mut entries, guest, self.too_many());
+            };
+            let why = match leaving.is_shown_anything() {
+                true => Farewell::Crowds,
+                false => Farewell::MadeRoom,
+            };
+            dismiss(&mut entries, &leaving, why);
+        }
+        guest.guest.send_replace(false);
     }
 
-    /// Who leaves for `new`: the oldest that is shown nothing of the hand, or else the oldest of the process that has most
-    /// places, where `new` is of one that has fewer. Those that the kernel does not tell apart crowd nobody.
-    fn leaving(&self, entries: &[Arc<Entry>], new: &Arc<Entry>) -> Option<usize> {
-        let idle = entries.iter().position(|entry| !entry.is_shown_anything());
-        idle.or_else(|| {
-            let processes = || entries.iter().map(|entry| entry.process());
-            let (crowding, most) = most_crowding(self.max, processes().flatten())?;
-            let others = entries.iter().filter(|entry| !Arc::ptr_eq(entry, new));
-            let own = others
-                .filter(|entry| new.pid.is_some() && entry.process() == new.process())
-                .count();
-            // Or each would push the other out in turn.
-            (own + 1 < most).then(|| processes().position(|process| process == Some(crowding)))?
-        })
+    /// Who of those that have a place leaves for `new`: the oldest that is shown nothing of the hand, or else the oldest of
+    /// the process that crowds the others.
+    fn leaving(&self, settled: &[Arc<Entry>], new: &Entry) -> Option<Arc<Entry>> {
+        let idle = settled.iter().find(|entry| !entry.is_shown_anything());
+        idle.cloned().or_else(|| crowding(self.max, settled, new))
     }
 
     /// Why one that is turned away is.
@@ -269,6 +272,30 @@ impl Registry {
     }
 }
 
+/// The guests, and those that have a place.
+fn divide(entries: &[Arc<Entry>]) -> (Vec<Arc<Entry>>, Vec<Arc<Entry>>) {
+    entries.iter().cloned().partition(|entry| entry.is_guest())
+}
+
+/// The oldest of the process that has most of these `places`, where `new` is of one that has fewer. Those that the kernel
+/// does not tell apart crowd nobody.
+fn crowding(places: usize, entries: &[Arc<Entry>], new: &Entry) -> Option<Arc<Entry>> {
+    let (crowding, most) = most_crowding(places, entries.iter().filter_map(|entry| entry.process()))?;
+    let is_own = |entry: &&Arc<Entry>| new.pid.is_some() && entry.process() == new.process();
+    // Or each would push the other out in turn.
+    if entries.iter().filter(is_own).count() + 1 >= most {
+        return None;
+    }
+    let mut of_crowding = entries.iter().filter(|entry| entry.process() == Some(crowding));
+    of_crowding.next().cloned()
+}
+
+/// Has one leave.
+fn dismiss(entries: &mut Vec<Arc<Entry>>, leaving: &Arc<Entry>, why: Farewell) {
+    entries.retain(|entry| !Arc::ptr_eq(entry, leaving));
+    leaving.dismiss(why);
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;
@@ -289,10 +316,14 @@ mod tests {
         registry.entries().iter().any(|other| Arc::ptr_eq(other, entry))
     }
 
+    fn enter_as_guest(registry: &Registry, entry: &Arc<Entry>) -> bool {
+        registry.enter(entry) && entry.is_guest()
+    }
+
     /// Whether one of this process is let in, and stays.
     fn enter(registry: &Registry, pid: i32) -> bool {
         let entry = entry(pid);
-        if registry.enter(&entry) == Some(Place::Guest) {
+        if enter_as_guest(registry, &entry) {
             registry.settle(&entry);
         }
         has_place(registry, &entry)
@@ -311,6 +342,10 @@ mod tests {
 
     fn places(registry: &Registry) -> Vec<i32> {
         registry.entries().iter().filter_map(|entry| entry.pid).collect()
+    }
+
+    fn places_of(registry: &Registry, pid: i32) -> usize {
+        places(registry).iter().filter(|other| **other == pid).count()
     }
 
     #[test]
@@ -350,12 +385,12 @@ mod tests {
         assert!((0..8).all(|_| enter(&registry, 1)));
         for pid in 2..100 {
             let guest = entry(pid);
-            assert_eq!(registry.enter(&guest), Some(Place::Guest));
+            assert!(enter_as_guest(&registry, &guest));
             registry.remove(&guest);
             registry.settle(&guest);
         }
         let onlooker = entry(100);
-        assert_eq!(registry.enter(&onlooker), Some(Place::Guest));
+        assert!(enter_as_guest(&registry, &onlooker));
         want_nothing(&onlooker);
         registry.settle(&onlooker);
         assert!(matches!(why(&onlooker), Some(Farewell::TooMany(8))));
@@ -363,7 +398,7 @@ mod tests {
 
         // Where somebody has left meanwhile, nobody has to.
         let guest = entry(101);
-        assert_eq!(registry.enter(&guest), Some(Place::Guest));
+        assert!(enter_as_guest(&registry, &guest));
         registry.remove(&registry.entries()[0].clone());
         registry.settle(&guest);
         assert_eq!(places(&registry), [1, 1, 1, 1, 1, 1, 1, 101]);
@@ -374,8 +409,8 @@ mod tests {
         let registry = registry(8);
         assert!((0..8).all(|_| enter(&registry, 1)));
         let guests: Vec<_> = (2..5).map(entry).collect();
-        let entered: Vec<_> = guests.iter().map(|guest| registry.enter(guest)).collect();
-        assert_eq!(entered, [Some(Place::Guest), Some(Place::Guest), None]);
+        let entered: Vec<_> = (guests.iter().map(|guest| enter_as_guest(&registry, guest))).collect();
+        assert_eq!(entered, [true, true, false]);
         for guest in &guests {
             registry.settle(guest);
         }
@@ -383,14 +418,59 @@ mod tests {
     }
 
     #[test]
+    fn a_process_that_looks_in_again_and_again_keeps_no_display_from_being_a_guest() {
+        for places in [4, 8, 32] {
+            let registry = registry(places);
+            assert!((0..places).all(|_| enter(&registry, 1)));
+            let lookers: Vec<_> = (0..16).map(|_| entry(2)).collect();
+            let entered = (lookers.iter().filter(|looker| registry.enter(looker))).count();
+            assert_eq!(entered, (places / 4).max(2));
+            let display = entry(3);
+            assert!(enter_as_guest(&registry, &display), "{places} places");
+            assert!(matches!(why(&lookers[0]), Some(Farewell::TooMany(_))));
+            assert!(!has_place(&registry, &lookers[0]));
+            assert!(!registry.enter(&entry(2)), "not in turn");
+            lookers.iter().for_each(|looker| registry.remove(looker));
+            registry.settle(&display);
+            assert_eq!(places_of(&registry, 3), 1);
+            assert_eq!(places_of(&registry, 1), places - 1);
+        }
+    }
+
+    #[test]
+    fn who_is_shown_nothing_puts_nobody_out_also_where_another_is_shown_nothing() {
+        let registry = registry(1);
+        let [first, second] = [entry(1), entry(2)];
+        assert!(registry.enter(&first));
+        want_nothing(&first);
+        assert!(enter_as_guest(&registry, &second));
+        want_nothing(&second);
+        registry.settle(&second);
+        assert!(matches!(why(&second), Some(Farewell::TooMany(1))));
+        assert!(has_place(&registry, &first) && !has_place(&registry, &second));
+    }
+
+    #[test]
+    fn a_guest_leaves_for_no_place() {
+        let registry = registry(8);
+        assert!((0..8).all(|_| enter(&registry, 1)));
+        let [display, onlooker] = [entry(2), entry(3)];
+        assert!(enter_as_guest(&registry, &onlooker) && enter_as_guest(&registry, &display));
+        want_nothing(&onlooker);
+        registry.settle(&display);
+        registry.settle(&onlooker);
+        assert_eq!(places(&registry), [1, 1, 1, 1, 1, 1, 1, 2]);
+    }
+
+    #[test]
     fn readers_that_the_kernel_does_not_tell_apart_crowd_nobody() {
         let unknown = || Arc::new(Entry::new(None, Some(0), 0));
         let registry = registry(8);
-        assert!((0..6).all(|_| registry.enter(&unknown()) == Some(Place::Own)));
+        assert!((0..6).all(|_| registry.enter(&unknown())));
         assert!(enter(&registry, 1) && enter(&registry, 1));
         // Two of a process are more than an eighth, and six of nobody knows whom are not for one that is known.
         assert!(enter(&registry, 2));
         assert_eq!(places(&registry), [1, 2]);
-        assert_eq!(registry.enter(&unknown()), None);
+        assert!(!registry.enter(&unknown()));
     }
 }
