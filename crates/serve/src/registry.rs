@@ -121,6 +121,11 @@ impl Entry {
         *self.guest.borrow()
     }
 
+    /// Waits until it has a place of its own, which may be for ever.
+    pub(crate) async fn settled(&self) {
+        let _ = self.guest.subscribe().wait_for(|guest| !guest).await;
+    }
+
     /// Whether it is shown anything of the hand. Whoever has just come is, unless it says otherwise.
     fn is_shown_anything(&self) -> bool {
         self.wants_image.load(Relaxed) || self.wants_raw.load(Relaxed)
@@ -205,6 +210,7 @@ impl Registry {
             };
             dismiss(&mut entries, &leaving, why);
         }
+        // Last: who leaves is woken first, and gives its profile back before the guest asks for one again.
         guest.guest.send_replace(false);
     }
 

@@ -43,7 +43,7 @@ const MAX_REFUSALS: u32 = 8;
 pub(crate) struct Subscriber<'a, M: ProfileMaker> {
     pub(crate) socket: Rc<Socket>,
     server: Rc<Server<M>>,
-    entry: &'a Entry,
+    entry: &'a Arc<Entry>,
     wants: Subscribe,
     /// The profile it is shown.
     shown: Rc<ActiveProfile>,
@@ -100,7 +100,7 @@ enum Which {
 }
 
 impl<'a, M: ProfileMaker> Subscriber<'a, M> {
-    pub(crate) fn new(socket: Socket, server: Rc<Server<M>>, entry: &'a Entry) -> io::Result<Self> {
+    pub(crate) fn new(socket: Socket, server: Rc<Server<M>>, entry: &'a Arc<Entry>) -> io::Result<Self> {
         let mut own = server.profiles.follow_own();
         let shown = own.borrow_and_update().clone();
         let socket = Rc::new(socket);
@@ -164,6 +164,8 @@ impl<'a, M: ProfileMaker> Subscriber<'a, M> {
             self.image_lane.end(self.newest_tick());
         }
         self.end_raw();
+        // For whoever has its place: it may take a while to be told why it leaves.
+        self.lease = None;
         farewell
     }
 
@@ -289,7 +291,17 @@ impl<'a, M: ProfileMaker> Subscriber<'a, M> {
         };
         let server = self.server.clone();
         let instead_of = self.lease.as_ref().map(|lease| lease.profile().clone());
-        let lease = tokio::task::spawn_local(async move { server.profiles.lease(wanted, instead_of).await });
+        let entry = self.entry.clone();
+        let lease = tokio::task::spawn_local(async move {
+            let profiles = &server.profiles;
+            let lease = profiles.lease(wanted.clone(), instead_of.clone()).await;
+            if lease.is_ok() || !entry.is_guest() {
+                return lease;
+            }
+            // Whoever leaves for it may have the profile that is one too many.
+            entry.settled().await;
+            profiles.lease(wanted, instead_of).await
+        });
         self.asked = Some(Asked {
             wants,
             by_client,

@@ -1,8 +1,9 @@
 //! What becomes of a subscriber that asks for what it cannot have.
 
-use crate::stage::{PATIENCE, on_stage};
+use crate::stage::{PATIENCE, on_stage, on_stage_for};
 use taxel_hand::{Method, Profile};
-use taxel_wire::{EventKind, Received, Subscribe, Subscriber};
+use taxel_serve::ProfilesConfig;
+use taxel_wire::{Event, EventKind, Received, Subscribe, Subscriber};
 
 /// What a subscription is answered with; none where it is taken.
 fn answer(subscriber: &mut Subscriber, wants: &Subscribe) -> Option<(EventKind, String)> {
@@ -102,5 +103,48 @@ fn a_profile_with_a_refused_value_is_refused_also_where_it_would_make_no_differe
             assert_eq!(kind, EventKind::Refused);
             assert!(reason.contains(key), "{reason}");
         }
+    });
+}
+
+#[test]
+fn a_profile_that_is_one_too_many_is_given_once_another_has_made_room_that_had_one() {
+    let profiles = ProfilesConfig {
+        max: 2,
+        ..ProfilesConfig::default()
+    };
+    on_stage_for(1, profiles, async |stage| {
+        let path = stage.path.clone();
+        let (done, is_done) = tokio::sync::oneshot::channel();
+        let client = std::thread::spawn(move || {
+            let connect = || {
+                let mut subscriber = Subscriber::connect(&path).unwrap();
+                let first = subscriber.next_timeout(PATIENCE).unwrap();
+                assert!(matches!(first, Some(Received::Hello(_))), "{first:?}");
+                subscriber
+            };
+            let of_levels = |levels| Subscribe {
+                profile: Some(Profile {
+                    levels,
+                    ..Profile::default()
+                }),
+                ..Subscribe::default()
+            };
+            let mut onlooker = connect();
+            let wants = Subscribe {
+                image: false,
+                ..of_levels(3)
+            };
+            assert_eq!(answer(&mut onlooker, &wants), None);
+            let mut display = connect();
+            assert_eq!(answer(&mut display, &of_levels(4)), None);
+            let gone = onlooker.next_timeout(PATIENCE).unwrap();
+            let is_told = |event: &Event| event.event == EventKind::Disconnect;
+            assert!(
+                matches!(&gone, Some(Received::Event(_, event)) if is_told(event)),
+                "{gone:?}"
+            );
+            done.send(()).unwrap();
+        });
+        assert!(is_done.await.is_ok(), "{:?}", client.join());
     });
 }

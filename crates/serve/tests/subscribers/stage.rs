@@ -117,6 +117,15 @@ impl Stage {
 }
 
 pub(crate) fn on_stage<F: Future<Output = ()>>(act: impl FnOnce(Stage) -> F) {
+    on_stage_for(200, ProfilesConfig::default(), act);
+}
+
+/// A stage for this many subscribers, with these profiles.
+pub(crate) fn on_stage_for<F: Future<Output = ()>>(
+    max_subscribers: usize,
+    profiles: ProfilesConfig,
+    act: impl FnOnce(Stage) -> F,
+) {
     let folder = tempfile::tempdir().unwrap();
     let path = folder.path().join("images.sock");
     let runtime = tokio::runtime::Builder::new_current_thread()
@@ -125,12 +134,11 @@ pub(crate) fn on_stage<F: Future<Output = ()>>(act: impl FnOnce(Stage) -> F) {
         .unwrap();
     tokio::task::LocalSet::new().block_on(&runtime, async {
         let limits = Limits {
-            max_subscribers: 200,
+            max_subscribers,
             stall_ms: 20_000,
         };
         let profile = Profile::default();
-        let (seed, outputs) =
-            ServerSeed::new(Maker, limits, ProfilesConfig::default(), profile, || {}).unwrap();
+        let (seed, outputs) = ServerSeed::new(Maker, limits, profiles, profile, || {}).unwrap();
         let handle = seed.handle();
         let server = Server::new(seed);
         let listener = UnixSeqpacketListener::bind(&path).unwrap();
