@@ -307,3 +307,43 @@ fn a_motor_that_is_to_be_off_does_not_wait_for_another_servo_s_answer() {
     w.cycles(200);
     assert!(!w.bus.has_writes());
 }
+
+#[test]
+fn of_healthy_servos_behind_a_slow_adapter_it_is_known_soon_that_all_are_off() {
+    const LATE_NS: u64 = 60 * MS;
+    for (at_the_end, while_reading) in [(false, false), (false, true), (true, false), (true, true)] {
+        let what = format!("at the end: {at_the_end}, while reading: {while_reading}");
+        let mut w = watched(6, 2540);
+        w.bus.set_margins_ns(150 * MS, 4 * MS);
+        for id in 1..=6 {
+            w.fault(id, ServoFault::Late { by_ns: LATE_NS });
+        }
+        w.cycles(30);
+        start(&mut w, 0..6);
+        let counted = |w: &World| {
+            let servos = (0..6).map(|servo| w.bus.servo(servo).unwrap().counters.late);
+            servos.sum::<u64>() + w.bus.counters().late_fast
+        };
+        let before = counted(&w);
+        w.bus.begin(w.now_ns);
+        if while_reading {
+            assert!(w.turn(), "{what}");
+        }
+        let from_ns = w.now_ns;
+        if at_the_end {
+            w.bus.release_motors();
+        } else {
+            for servo in 0..6 {
+                w.bus.command(servo, OFF).unwrap();
+            }
+        }
+        while (0..6).any(|servo| w.bus.servo(servo).unwrap().torque_enabled != Some(false)) {
+            if !w.turn() {
+                w.bus.begin(w.now_ns);
+            }
+            assert!(w.now_ns < from_ns + 6 * LATE_NS + 30 * MS, "{what}");
+        }
+        w.cycles(30);
+        assert_eq!(counted(&w), before, "{what}");
+    }
+}

@@ -115,6 +115,8 @@ const LONGEST_REST_NS: u64 = 500_000_000;
 const FACTORY_RETURN_DELAY_NS: u64 = 500_000;
 /// After so many requests in a row that were answered in time, a servo owes no answer to an earlier one.
 const OWES_NOTHING: u8 = 16;
+/// Over about so many answers the time that they take is averaged.
+const ANSWERS: u64 = 8;
 /// Two second answers within this time are of two servos with one id, for as long behind the newer one. Where all servos
 /// answer in one packet, each is asked alone about twice a second.
 const SHARED_NS: u64 = 2_000_000_000;
@@ -164,6 +166,8 @@ pub(crate) struct Servo {
     owed: u8,
     /// Requests in a row that were answered in time.
     answered_in_a_row: u8,
+    /// How long its answers take beyond their time on the wire, nanoseconds, on average.
+    pub(crate) usual_ns: u64,
     /// Its next angle is not taken: two servos have its id.
     pub(crate) withhold: bool,
     /// When the newest two second answers came, the newer first, nanoseconds.
@@ -187,6 +191,7 @@ impl Servo {
             told_bytes: None,
             owed: 0,
             answered_in_a_row: 0,
+            usual_ns: 0,
             withhold: false,
             double_ns: [None; 2],
             heard_ns: 0,
@@ -215,7 +220,7 @@ impl Servo {
 
     /// Forgets what the port held: it has been opened anew.
     pub(crate) fn port_opened(&mut self) {
-        (self.told_bytes, self.owed) = (None, 0);
+        (self.told_bytes, self.owed, self.usual_ns) = (None, 0, 0);
         (self.withhold, self.double_ns) = (false, [None; 2]);
     }
 
@@ -297,13 +302,17 @@ impl Servo {
 
     /// An answer to an earlier request came: it lives, so its pause is short, and its next answer is given time.
     pub(crate) fn was_late(&mut self, now_ns: u64) {
-        self.state.counters.late += 1;
         self.owed = self.owed.saturating_sub(1);
         self.silent_in_a_row = self.silent_in_a_row.min(PATIENCE - 1);
         self.rest = Rest {
             pause_ns: 0,
             until_ns: self.rest.until_ns.map(|t| t.min(now_ns + FIRST_REST_NS)),
         };
+    }
+
+    /// An answer in time took so long beyond its time on the wire.
+    pub(crate) fn took(&mut self, ns: u64) {
+        self.usual_ns = self.usual_ns - self.usual_ns / ANSWERS + ns / ANSWERS;
     }
 
     /// An answer's first byte. What went wrong with the instruction is in the same byte as the alert, and hides none.

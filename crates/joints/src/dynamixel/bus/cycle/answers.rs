@@ -54,7 +54,7 @@ impl Bus {
         }
         if packet.id == BROADCAST_ID {
             if !self.take_fast(packet.raw, now_ns) {
-                self.counters.late_fast += 1;
+                self.counters.late_fast += u64::from(now_ns > self.in_time_until_ns);
             }
             return;
         }
@@ -63,7 +63,7 @@ impl Bus {
             return;
         };
         let Some((error, data)) = packet.parameters.split_first() else {
-            self.servos[servo].was_late(now_ns);
+            self.take_late(servo, now_ns);
             return;
         };
         let status = StatusByte(*error);
@@ -76,7 +76,7 @@ impl Bus {
             } else if self.servos[servo].told_bytes() == Some(data.len()) {
                 self.take_double(servo);
             } else {
-                self.servos[servo].was_late(now_ns);
+                self.take_late(servo, now_ns);
             }
             return;
         };
@@ -88,11 +88,13 @@ impl Bus {
                 }
             } else {
                 // The first was late: the newer one is taken.
-                self.servos[servo].was_late(now_ns);
+                self.take_late(servo, now_ns);
             }
         }
         self.revoke_before(position, now_ns);
         self.pass.answers[position] = Answer::Got;
+        let took_ns = self.beyond_wire_ns(position + 1, now_ns);
+        self.servos[servo].took(took_ns);
         self.servos[servo].take_status(status);
         match self.pass.kind {
             Kind::Plain | Kind::Fast => self.take_present(position, status, data, packet.raw.len(), now_ns),
@@ -108,6 +110,13 @@ impl Bus {
             Kind::ReadBack => self.take_held(position, status.error(), data),
             Kind::Told | Kind::Off => {}
         }
+    }
+
+    /// An answer to an earlier request: late, unless that was left before its time for motors that are to be off.
+    fn take_late(&mut self, servo: usize, now_ns: u64) {
+        let servo = &mut self.servos[servo];
+        servo.state.counters.late += u64::from(now_ns > self.in_time_until_ns);
+        servo.was_late(now_ns);
     }
 
     /// Two servos have this id: one request has had two answers, of which this is the second. Nobody knows whose the first
@@ -134,7 +143,7 @@ impl Bus {
                     continue;
                 }
                 self.results[i] = Err(NoReading::Silent);
-                self.servos[i].was_late(now_ns);
+                self.take_late(i, now_ns);
             }
         }
     }
@@ -197,6 +206,8 @@ impl Bus {
             return;
         }
         self.pass.answers[position] = Answer::Got;
+        let took_ns = self.beyond_wire_ns(self.pass.order.len(), now_ns);
+        self.servos[servo].took(took_ns);
         self.servos[servo].take_status(block.status);
         self.take_present(position, block.status, block.data, 0, now_ns);
     }
@@ -228,6 +239,12 @@ impl Bus {
         } else {
             Err(NoReading::BadCrc)
         };
+    }
+
+    /// How long after so many answers should have been over on the wire it is now.
+    fn beyond_wire_ns(&self, answers: usize, now_ns: u64) -> u64 {
+        let sent_ns = self.pass.sent_ns.unwrap_or(now_ns);
+        now_ns.saturating_sub(sent_ns + self.answers_ns(answers))
     }
 
     /// When the answer at a position began on the wire: after the request and the answers before

@@ -141,7 +141,9 @@ impl Bus {
     /// and does nothing else any more; one that was still to be switched on stays off, also where a cycle was left before its
     /// end.
     pub fn release_motors(&mut self) {
-        self.pass_active = false;
+        if std::mem::take(&mut self.pass_active) && self.pass.sent_ns.is_some() {
+            self.leave_request();
+        }
         self.ends = true;
         for servo in 0..self.servos.len() {
             let off = self.servos[servo].state.motor_off;

@@ -133,6 +133,8 @@ pub struct Bus {
     writes_done: bool,
     /// Whether there are new ones that switch motors off.
     offs_untold: bool,
+    /// Until when answers may come to requests that were not waited for as long.
+    in_time_until_ns: u64,
     /// Whether nothing is done any more but to switch motors off.
     ends: bool,
     /// Whose motor is the next to be told again to be off.
@@ -189,6 +191,7 @@ impl Bus {
             write_tries: 0,
             writes_done: false,
             offs_untold: false,
+            in_time_until_ns: 0,
             ends: false,
             off_turn: 0,
             begun_ns: 0,
@@ -340,6 +343,9 @@ impl Bus {
                 if now_ns < until_ns {
                     return Step::Wait { until_ns };
                 }
+                if self.offs_untold || self.pass.kind == Kind::ReadBack {
+                    self.leave_request();
+                }
                 self.drop_half_packets(now_ns);
             }
             self.end_pass(now_ns);
@@ -366,15 +372,15 @@ impl Bus {
         self.parser.clear();
         self.counters.requests += 1;
         self.pass.sent_ns = Some(now_ns);
-        let answers = self.pass.order.len();
-        let delays: u64 = self
-            .pass
-            .order
-            .iter()
-            .map(|i| self.servos[*i].return_delay_ns())
-            .sum();
         self.pass.heard_ns = None;
-        self.pass.wire_ns = wire_ns(self.pass.bytes_before(answers), self.baud) + delays;
+        self.pass.wire_ns = self.answers_ns(self.pass.order.len());
+    }
+
+    /// How long the request and so many answers to it take on the wire.
+    fn answers_ns(&self, answers: usize) -> u64 {
+        let asked = self.pass.order[..answers].iter();
+        let delays: u64 = asked.map(|i| self.servos[*i].return_delay_ns()).sum();
+        wire_ns(self.pass.bytes_before(answers), self.baud) + delays
     }
 
     /// Until when the answers to the request that is out are waited for. Once the others have answered, those that rest have no
@@ -394,8 +400,18 @@ impl Bus {
             Kind::ReadBack => self.read_back_margin_ns(),
             _ => self.margin_ns,
         };
-        let latest_ns = sent_ns + pass.wire_ns + self.margin_ns;
-        latest_ns.min(pass.heard_ns.unwrap_or(sent_ns) + pass.wire_ns + margin_ns)
+        let heard_ns = pass.heard_ns.unwrap_or(sent_ns);
+        self.latest_ns().min(heard_ns + pass.wire_ns + margin_ns)
+    }
+
+    /// Until when an answer to the request that is out is in time.
+    fn latest_ns(&self) -> u64 {
+        self.pass.sent_ns.unwrap_or_default() + self.pass.wire_ns + self.margin_ns
+    }
+
+    /// The request that is out is waited for no more, though answers may still be in time.
+    fn leave_request(&mut self) {
+        self.in_time_until_ns = self.in_time_until_ns.max(self.latest_ns());
     }
 
     /// Room for bytes that arrived; never empty.

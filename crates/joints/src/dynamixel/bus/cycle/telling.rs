@@ -118,14 +118,15 @@ impl Bus {
         true
     }
 
-    /// How long a servo may take to say what it holds. Where it is to be off and others as well, it is given more time with
-    /// each try, so that those that answer soon do not wait for the others.
+    /// How long a servo may take to say what it holds. Where it is to be off and others as well, it is given little more than
+    /// its answers took so far, and with each try longer, so that those that answer do not wait for those that fell silent.
     pub(super) fn read_back_margin_ns(&self) -> u64 {
         let mut urgent = self.writes.iter().take_while(|write| write.urgent);
         match urgent.next() {
             Some(first) if urgent.any(|write| write.servo != first.servo) => {
                 let more = OFF_PATIENCE.saturating_pow(first.tries);
-                self.margin_ns.min(self.resting_margin_ns.saturating_mul(more))
+                let usual_ns = self.resting_margin_ns.saturating_mul(more);
+                (self.margin_ns).min(usual_ns.saturating_add(2 * self.servos[first.servo].usual_ns))
             }
             _ => self.margin_ns,
         }
@@ -206,6 +207,12 @@ impl Bus {
             self.servos[write.servo].confirmed(write.address, write.data[0]);
             if write.last || write.switches_off() {
                 self.note(write.servo, write.number, result);
+            }
+            let is_slow = self.servos[write.servo].usual_ns > self.resting_margin_ns;
+            let next = self.writes.front().filter(|next| next.servo == write.servo);
+            if is_slow && write.switches_off() && next.is_some() {
+                // Its watchdog waits until the others have said that they are off.
+                self.let_other_offs_pass();
             }
             return;
         }
