@@ -68,6 +68,11 @@ fn what_cannot_be_is_refused_in_words() {
             "allow_writes = true\nanswer_margin_ms = 191\nsource",
             "watchdog_ms = 200 is shorter than joints.answer_margin_ms = 191 and a cycle of 10 ms",
         ),
+        (
+            "source",
+            "allow_writes = true\nbaud = 57600\nanswer_margin_ms = 180\nsource",
+            "answer_margin_ms = 180 and a cycle of 10 ms and 11.8 ms on the wire at 57600 bit/s",
+        ),
         ("[[servo]]", "[allegro]\nversion = 4\n[[servo]]", "leave it out"),
     ] {
         let text = TWO.replacen(from, to, 2).replace("id = 2\nid", "id");

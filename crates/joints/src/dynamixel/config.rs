@@ -1,12 +1,16 @@
 //! The keys of the `[joints]` table that are for servos.
 
 use crate::config::why_not_of;
+use crate::dynamixel::bus::{FACTORY_RETURN_DELAY_NS, PRESENT_BYTES, wire_ns};
+use crate::dynamixel::protocol2::STATUS_OVERHEAD;
 use crate::error::{JointSourceError, JointsConfigError, MAX_JOINTS};
 use crate::source::SourceConfig;
 use serde::{Deserialize, Serialize};
 use std::path::{Path, PathBuf};
 use taxel_hand::check_range;
 
+/// A sync read without the ids.
+const REQUEST_BYTES: usize = 14;
 /// Readings kept per joint: a third of a second at 100 Hz.
 pub(super) const READINGS_KEPT: usize = 32;
 
@@ -25,7 +29,8 @@ pub struct DynamixelConfig {
     /// Whether torque and PWM may be written. Without it nothing but reads and pings is ever sent.
     pub allow_writes: bool,
     /// With `allow_writes`: a servo that hears nothing for this long stops its motor, ms, 20 to
-    /// 2540 in steps of 20 (Bus Watchdog, address 98); two cycles at least, and `answer_margin_ms` and a cycle.
+    /// 2540 in steps of 20 (Bus Watchdog, address 98); two cycles at least, and `answer_margin_ms`, a
+    /// cycle, and what a request to all servos and their answers take on the wire.
     pub watchdog_ms: u16,
     /// How long an answer may take beyond its time on the wire, ms, 0.5 to 500. Without it 4 ms, or
     /// for an FTDI adapter 2 ms and twice its latency timer. A servo that falls silent, or is told
@@ -162,15 +167,24 @@ impl DynamixelConfig {
         let cycle_ms = 1000.0 / self.rate_hz;
         if let Some(answer_margin_ms) = self.answer_margin_ms
             && self.allow_writes
-            && f64::from(self.watchdog_ms) < answer_margin_ms + cycle_ms
+            && f64::from(self.watchdog_ms) < answer_margin_ms + cycle_ms + self.wire_ms()
         {
             return Err(JointsConfigError::WatchdogMargin {
                 watchdog_ms: self.watchdog_ms,
                 answer_margin_ms,
                 cycle_ms,
+                wire_ms: self.wire_ms(),
+                baud: self.baud,
             });
         }
         Ok(())
+    }
+
+    /// How long a request for all positions and the answers take on the wire, ms, with the Return Delay Time from the factory.
+    fn wire_ms(&self) -> f64 {
+        let servos = self.servo.len();
+        let bytes = REQUEST_BYTES + servos * (1 + STATUS_OVERHEAD + PRESENT_BYTES);
+        wire_ns(bytes, self.baud) as f64 / 1e6 + servos as f64 * FACTORY_RETURN_DELAY_NS as f64 / 1e6
     }
 
     /// Names of the joints, in the order in which their angles are given.

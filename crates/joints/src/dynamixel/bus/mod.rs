@@ -17,7 +17,9 @@ mod writes;
 pub(crate) use cycle::DEFAULT_MARGIN_NS;
 pub use cycle::{Bus, BusCounters, FastState, Step};
 pub(crate) use outcomes::Outcomes;
+pub(crate) use reading::PRESENT_BYTES;
 pub use reading::{JointReading, NoReading};
+pub(crate) use servo::FACTORY_RETURN_DELAY_NS;
 pub use servo::{MotorOff, ServoCounters, ServoIdentity, ServoState};
 pub use writes::{MotorLost, WriteCommand, WriteError, WriteRefused, Written, check_goals};
 

@@ -112,7 +112,7 @@ const PATIENCE: u32 = 2;
 const FIRST_REST_NS: u64 = 50_000_000;
 const LONGEST_REST_NS: u64 = 500_000_000;
 /// Return Delay Time from the factory, until the servo has told its own.
-const FACTORY_RETURN_DELAY_NS: u64 = 500_000;
+pub(crate) const FACTORY_RETURN_DELAY_NS: u64 = 500_000;
 /// After so many requests in a row that were answered in time, a servo owes no answer to an earlier one.
 const OWES_NOTHING: u8 = 16;
 /// Over about so many answers the time that they take is averaged.
