@@ -193,6 +193,30 @@ def test_nothing_keeps_a_motor_from_being_switched_off(folder):
     servos.close()
 
 
+def test_whoever_makes_room_has_all_motors_switched_off_that_were_to_be(folder):
+    servos = Servos("--ids", "1-16")
+    off = b"".join(b'{"cmd":"servo","joint":"joint %d","torque":false}\n' % n for n in range(2, 9))
+    daemon = Daemon(folder / "d", SCENE, tick=TICK, joints=dynamixel(servos.path, **WRITING))
+    with ExitStack() as stack:
+        stack.callback(daemon.kill)
+        daemon.spawn(["prlimit", "--nofile=48"])  # fewer places than may wait to be accepted
+        eventually(daemon._answers, "it does not start")
+        daemon.wait_status(lambda s: s["joints"]["readings"] > 50, "nothing is read")
+        client = stack.enter_context(connect(daemon.control_path))
+        for n in range(2, 9):
+            assert ask(client, {"cmd": "servo", "joint": f"joint {n}", "torque": True})["ok"]
+        os.kill(daemon.process.pid, signal.SIGSTOP)
+        client.sendall(off)
+        for _ in range(100):
+            stack.enter_context(connect(daemon.control_path))
+        os.kill(daemon.process.pid, signal.SIGCONT)
+        said = client.makefile("rb").read().splitlines()
+        assert json.loads(said[-1])["ask_again"], said
+        for n in range(2, 9):
+            eventually(lambda n=n: servos.register(n, *TORQUE) == 0, f"the motor of {n} is on")
+    servos.close()
+
+
 @pytest.mark.parametrize(
     ("sent", "leaves"),
     [

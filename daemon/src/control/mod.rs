@@ -4,10 +4,10 @@
 //! Neither can be occupied. A connection too many takes the place of the one that has been idle for longest, and where one
 //! process has most of them, of its own alone. Who has just come is heard first. A client that asks without end is slowed. A
 //! request to switch off a motor that there is has a pace of its own, which nobody needs more of, and whose it is stays until
-//! that is done.
+//! that is done, and so is each that was asked for behind it.
 //!
-//! Who has gone before a request of theirs is begun does not have it carried out, since nobody would know of it; a motor is
-//! switched off all the same.
+//! Who has gone, or made room, before a request of theirs is begun does not have it carried out, since nobody would know of
+//! it; a motor is switched off all the same.
 
 mod request;
 
@@ -15,12 +15,13 @@ use crate::clients::{Access, Asker, Doing, Place, Places};
 use crate::joints::{Deserted, Hold};
 use crate::state::State;
 use nix::poll::{PollFd, PollFlags, PollTimeout, poll};
-use request::{Request, abandon, answer, refusal, report};
+use nix::sys::socket::{MsgFlags, recv};
+use request::{Request, abandon, answer, refusal, release, report};
 use serde_json::Value;
 use std::cell::Cell;
 use std::convert::Infallible;
 use std::future::pending;
-use std::os::fd::AsFd;
+use std::os::fd::{AsFd, AsRawFd};
 use std::pin::pin;
 use std::rc::Rc;
 use std::time::Duration;
@@ -101,26 +102,29 @@ async fn attend(stream: UnixStream, state: &State, asker: Asker, place: &Place) 
         asker,
         place,
     };
-    let mut converse = pin!(talk.converse(read));
-    loop {
-        tokio::select! {
-            left = &mut converse => return left,
-            why = talk.hold.deserted(hung_up(&talk.write)) => match why {
-                // Behind what it asked before, another motor may be to be switched off.
-                Deserted::Gone => talk.hold.let_go(),
-                Deserted::Silent(patience) => {
-                    talk.take_leave(refusal(format!(
-                        "nothing was asked for {patience:?}, so the motors that this connection held are switched off"
-                    )));
-                    return Ok(());
-                }
-            },
-            () = place.lost() => {
-                talk.take_leave(room_made(talk.changing.get()));
-                return Ok(());
+    let (mut read, mut line) = (BufReader::new(read), Vec::new());
+    {
+        let mut converse = pin!(talk.converse(&mut read, &mut line));
+        loop {
+            tokio::select! {
+                left = &mut converse => return left,
+                why = talk.hold.deserted(hung_up(&talk.write)) => match why {
+                    // Behind what it asked before, another motor may be to be switched off.
+                    Deserted::Gone => talk.hold.let_go(),
+                    Deserted::Silent(patience) => {
+                        talk.take_leave(refusal(format!(
+                            "nothing was asked for {patience:?}, so the motors that this connection held are switched off"
+                        )));
+                        return Ok(());
+                    }
+                },
+                () = place.lost() => break,
             }
         }
     }
+    talk.release_rest(line, &read);
+    talk.take_leave(room_made(talk.changing.get()));
+    Ok(())
 }
 
 /// Whether the client has closed the connection, and hears no answer. Who only writes no more still waits for one.
@@ -168,12 +172,39 @@ impl Talk<'_> {
         self.hold.has_let_go() || has_gone(&self.write)
     }
 
-    async fn converse(&self, read: OwnedReadHalf) -> std::io::Result<()> {
-        let mut read = BufReader::new(read);
-        let mut line = Vec::new();
+    /// Whether a request is let through to have a motor switched off.
+    fn releases(&self, request: &Result<Request, String>) -> bool {
+        self.asker.access == Access::Change
+            && (request.as_ref())
+                .is_ok_and(|request| request.releases_a_motor(self.state.config.joints.as_ref()))
+    }
+
+    /// Has the motors switched off that are to be by what has come and was not answered, `line` before what is still to be
+    /// read. Its place is another's by now, so that is not waited for.
+    fn release_rest(&self, mut line: Vec<u8>, read: &BufReader<OwnedReadHalf>) {
+        if self.asker.access == Access::Look || line.len() as u64 > MAX_REQUEST {
+            return;
+        }
+        line.extend(read.buffer());
+        // Of the socket itself, which may have more than the runtime knows of.
+        let mut rest = vec![0; MAX_REQUEST as usize];
+        let come = recv(self.write.as_ref().as_raw_fd(), &mut rest, MsgFlags::MSG_DONTWAIT).unwrap_or(0);
+        line.extend(&rest[..come]);
+        for line in line.split(|byte| *byte == b'\n') {
+            let request = Request::parse(line);
+            if self.releases(&request)
+                && let Ok(request) = request
+            {
+                release(request, self.state, &self.asker, &self.hold);
+            }
+        }
+    }
+
+    /// Answers what is asked. What `line` has when this is dropped was begun to be read, or is not answered.
+    async fn converse(&self, read: &mut BufReader<OwnedReadHalf>, line: &mut Vec<u8>) -> std::io::Result<()> {
         let mut requests = Allowance::new(REQUESTS, REQUEST_INTERVAL);
         let mut released = Allowance::new(RELEASES, RELEASE_INTERVAL);
-        while read_line(&mut read, &mut line).await? {
+        while read_line(read, line).await? {
             // A blank line asks nothing.
             let is_blank = line.iter().all(u8::is_ascii_whitespace);
             if !is_blank {
@@ -182,11 +213,9 @@ impl Talk<'_> {
             let too_long = line.len() as u64 > MAX_REQUEST;
             let request = match too_long {
                 true => Err(format!("a request has at most {MAX_REQUEST} bytes")),
-                false => Request::parse(&line),
+                false => Request::parse(line),
             };
-            let releases = self.asker.access == Access::Change
-                && (request.as_ref())
-                    .is_ok_and(|request| request.releases_a_motor(self.state.config.joints.as_ref()));
+            let releases = self.releases(&request);
             let allowance = match releases {
                 true => &mut released,
                 false => &mut requests,
@@ -212,13 +241,22 @@ impl Talk<'_> {
             }
             let reply = tokio::select! {
                 reply = self.obey(request, releases) => reply,
-                never = self.watch_for_more(&mut read) => match never {},
+                never = self.watch_for_more(read) => match never {},
             };
+            // No batch of releases is cut in the middle, up to their allowance.
+            let is_idle = !releases
+                || !next_line(read.buffer()).is_some_and(|next| self.releases(&Request::parse(next)));
+            if is_idle {
+                self.is_answered();
+            }
             if !self.reply(&reply).await? || too_long {
                 return Ok(());
             }
+            line.clear();
             // Who asks without end is idle for a moment, or nobody who waits for a place would ever have one.
-            yield_now().await;
+            if is_idle {
+                yield_now().await;
+            }
         }
         Ok(())
     }
@@ -238,7 +276,7 @@ impl Talk<'_> {
             false => Doing::Obeying,
         };
         self.place.set(doing, Instant::now());
-        let reply = match request {
+        match request {
             Ok(Request::Status {}) => report(self.state).await,
             Ok(request) => {
                 self.changing.set(request.changes() && !releases);
@@ -247,20 +285,23 @@ impl Talk<'_> {
                 line_of(&reply).into()
             }
             Err(error) => line_of(&refusal(error)).into(),
-        };
+        }
+    }
+
+    /// Notes that nothing is being done for the client, unless it holds a motor.
+    fn is_answered(&self) {
         let doing = match self.hold.patience() {
             Some(_) => Doing::Obeying,
             None => Doing::Nothing,
         };
         self.place.set(doing, Instant::now());
-        reply
     }
 
     /// Whether the client has taken its reply, or has gone.
     async fn reply(&self, reply: &[u8]) -> std::io::Result<bool> {
         self.replying.set(true);
         self.hold.await_client();
-        match timeout(REPLY_PATIENCE, write_all(&self.write, reply)).await {
+        match timeout(REPLY_PATIENCE, self.write_all(reply)).await {
             Ok(Err(error)) if !self.has_gone() => return Err(error),
             Ok(_) => {}
             Err(_) => return Ok(false),
@@ -268,6 +309,21 @@ impl Talk<'_> {
         self.hold.await_client();
         self.replying.set(false);
         Ok(true)
+    }
+
+    async fn write_all(&self, mut bytes: &[u8]) -> std::io::Result<()> {
+        while !bytes.is_empty() {
+            match self.write.try_write(bytes) {
+                Ok(written) => bytes = &bytes[written..],
+                Err(error) if error.kind() == std::io::ErrorKind::WouldBlock => {
+                    // It does not take its reply, and is no busier for what it asks behind.
+                    self.is_answered();
+                    self.write.writable().await?;
+                }
+                Err(error) => return Err(error),
+            }
+        }
+        Ok(())
     }
 }
 
@@ -297,16 +353,10 @@ async fn read_line(read: &mut BufReader<OwnedReadHalf>, line: &mut Vec<u8>) -> s
     }
 }
 
-async fn write_all(write: &OwnedWriteHalf, mut bytes: &[u8]) -> std::io::Result<()> {
-    while !bytes.is_empty() {
-        write.writable().await?;
-        match write.try_write(bytes) {
-            Ok(written) => bytes = &bytes[written..],
-            Err(error) if error.kind() == std::io::ErrorKind::WouldBlock => {}
-            Err(error) => return Err(error),
-        }
-    }
-    Ok(())
+/// The next request, where all of it is there.
+fn next_line(buffer: &[u8]) -> Option<&[u8]> {
+    let end = buffer.iter().position(|byte| *byte == b'\n')?;
+    Some(&buffer[..end])
 }
 
 fn line_of(reply: &Value) -> Vec<u8> {

@@ -6,7 +6,9 @@ use crate::state::State;
 use crate::supervise::report_releases;
 use serde::{Deserialize, Serialize};
 use serde_json::{Value, json};
+use std::pin::pin;
 use std::rc::Rc;
+use std::task::{Context, Waker};
 use taxel_hand::{FromMap, Profile};
 use taxel_joints::JointsConfig;
 use taxel_wire::json_in_words;
@@ -179,6 +181,29 @@ pub(super) async fn answer(request: Request, state: &State, asker: &Asker, hold:
     }
     state.reports.outdate();
     reply
+}
+
+/// Has a motor switched off, and says so in the log; whether its servo confirms it is not waited for.
+pub(super) fn release(request: Request, state: &State, asker: &Asker, hold: &Hold<'_>) {
+    let joint = match request.switched_motor() {
+        Some((joint, false)) => joint.to_owned(),
+        _ => return,
+    };
+    // The servo's thread has it once this was polled.
+    let mut context = Context::from_waker(Waker::noop());
+    if pin!(answer(request, state, asker, hold))
+        .poll(&mut context)
+        .is_pending()
+    {
+        let change = Change {
+            kind: "a servo command",
+            refused: false,
+        };
+        let said = format!(
+            "joints: torque of {joint} is to be off; whoever asked for it had to make room meanwhile"
+        );
+        (state.changes).note_motor(change, (&joint, false), &said, asker, Instant::now());
+    }
 }
 
 /// Says in the log that something is not changed, since who asked for it has gone.
