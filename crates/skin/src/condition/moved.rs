@@ -28,8 +28,10 @@ impl Conditioner {
         let [Some(first), Some(last)] = [self.unrest(0), self.unrest(1)] else {
             return;
         };
-        let is_first = first.is_left_out < last.is_left_out
-            || first.is_left_out == last.is_left_out && first.peak <= last.peak;
+        let is_first = match first.is_left_out == last.is_left_out {
+            true => first.peak <= last.peak,
+            false => last.is_left_out,
+        };
         let (Unrest { half, .. }, other) = if is_first { (first, last) } else { (last, first) };
         let moved = self.median(half, |_, idle, _| idle.rest.peak);
         let quiet = self.median(half, |half, _, least| half.rest.peak.max(least));
