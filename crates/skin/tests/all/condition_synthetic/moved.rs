@@ -30,6 +30,22 @@ fn ramp(n: usize, t: f64, begin_s: f64) -> f64 {
     (30.0 + 2.0 * n as f64) * (since / 0.2).min(1.0) * (1.0 + 0.4 * (16.0 * since).sin())
 }
 
+/// Checks that it rests where it is, and feels nothing.
+fn check_rest(hand: &mut Skin, case: &str) {
+    for (n, [.., z]) in hand.conditioner.baseline().iter().enumerate() {
+        let off = z - f64::from(hand.truth[n][2]);
+        assert!(off.abs() < 5.0, "{case}: taxel {n} rests {off} counts off");
+    }
+    feels_nothing(hand, case);
+}
+
+fn feels_nothing(hand: &mut Skin, case: &str) {
+    for _ in 0..60 {
+        hand.step_with(|_| {});
+        assert_eq!(hand.out.contacts(), 0, "{case}");
+    }
+}
+
 #[test]
 fn a_hand_that_begins_to_move_while_it_is_calibrated_rests_as_before() {
     let still = calibrated(|_, _| 0.0);
@@ -46,14 +62,7 @@ fn a_hand_that_begins_to_move_while_it_is_calibrated_rests_as_before() {
             report.threshold < 1.4 * still.conditioner.threshold(),
             "{case}: {report:?}"
         );
-        for (n, [.., z]) in hand.conditioner.baseline().iter().enumerate() {
-            let off = z - f64::from(hand.truth[n][2]);
-            assert!(off.abs() < 5.0, "{case}: taxel {n} rests {off} counts off");
-        }
-        for _ in 0..60 {
-            hand.step_with(|_| {});
-            assert_eq!(hand.out.contacts(), 0, "{case}");
-        }
+        check_rest(&mut hand, case);
         hand.truth.iter_mut().for_each(|truth| truth[2] += 45);
         hand.step_with(|_| {});
         assert_eq!(hand.out.contacts(), TAXELS, "{case}");
@@ -79,14 +88,7 @@ fn what_a_clean_touch_changes_while_it_is_calibrated_is_left_out() {
             false => 0.0,
         });
         assert!(!hand.conditioner.report().unwrap().moved, "{case}");
-        for (n, [.., z]) in hand.conditioner.baseline().iter().enumerate() {
-            let off = z - f64::from(hand.truth[n][2]);
-            assert!(off.abs() < 5.0, "{case}: taxel {n} rests {off} counts off");
-        }
-        for _ in 0..60 {
-            hand.step_with(|_| {});
-            assert_eq!(hand.out.contacts(), 0, "{case}");
-        }
+        check_rest(&mut hand, &case);
     }
 }
 
