@@ -2,7 +2,7 @@
 
 use std::collections::VecDeque;
 
-/// The rate is measured over this time.
+/// The rate is measured over this time; who has had no image for longer is told.
 const RATE_WINDOW_NS: u64 = 1_000_000_000;
 /// The latencies are those of so many images.
 const RECENT_IMAGES: usize = 500;
@@ -23,6 +23,12 @@ pub struct Figures {
     /// What tells a display as much as its actuators can render, bits per second
     /// (docs/algorithm.md, "Figures from elsewhere").
     pub image_bits_per_s: f64,
+}
+
+/// That no more images come, where the newest came so many seconds ago.
+pub(crate) fn no_image_for(age_s: Option<f64>) -> Option<String> {
+    let age_s = age_s.filter(|age_s| *age_s > RATE_WINDOW_NS as f64 / 1e9)?;
+    Some(format!("no image for the last {age_s:.1} s"))
 }
 
 /// When the last images came, and how old they were.

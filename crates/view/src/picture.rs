@@ -35,6 +35,8 @@ pub struct Picture {
     pub(crate) paused: bool,
     /// Why there is no connection.
     pub(crate) gone: Option<String>,
+    /// How long ago the newest image came, seconds.
+    pub(crate) age_s: Option<f64>,
     pub(crate) note: Option<String>,
     /// Errors before warnings; none where nobody has looked for any.
     pub(crate) problems: Option<Vec<ProblemStatus>>,

@@ -32,6 +32,8 @@ pub struct Seen {
     arrivals: Arrivals,
     first_ns: u64,
     last_ns: u64,
+    /// The longest between two images.
+    gap_ns: Option<u64>,
     images: u64,
     skipped: u64,
     in_contact: u64,
@@ -83,6 +85,7 @@ impl Seen {
             arrivals: Arrivals::default(),
             first_ns: 0,
             last_ns: 0,
+            gap_ns: None,
             images: 0,
             skipped: 0,
             in_contact: 0,
@@ -239,8 +242,9 @@ impl Seen {
 
     /// An image, and when it came on the clock of its times, nanoseconds.
     pub fn see_image(&mut self, header: &Header, image: &ImageView<'_>, now_ns: u64) {
-        if self.images == 0 {
-            self.first_ns = now_ns;
+        match self.images {
+            0 => self.first_ns = now_ns,
+            _ => self.gap_ns = self.gap_ns.max(Some(now_ns.saturating_sub(self.last_ns))),
         }
         self.last_ns = now_ns;
         self.images += 1;
@@ -311,6 +315,11 @@ impl Seen {
         (raw, image)
     }
 
+    /// How long ago the newest image came, nanoseconds; `None` before the first.
+    fn age_ns(&self, now_ns: u64) -> Option<u64> {
+        (self.images > 0).then(|| now_ns.saturating_sub(self.last_ns))
+    }
+
     /// Rates and latencies of late, made anew twice a second.
     pub fn figures(&mut self, now_ns: u64) -> Figures {
         let (raw, image) = self.bits_per_frame();
@@ -357,6 +366,7 @@ impl Seen {
             calibrating: newest.calibrating,
             paused: self.paused,
             gone: self.gone.clone(),
+            age_s: self.age_ns(now_ns).map(seconds),
             note: self.note(now_ns),
             problems: self.problems(),
             recorded: hello.clock == Clock::Recording,
@@ -397,14 +407,12 @@ impl Seen {
         subscription.and_then(|s| s.max_rate_hz)
     }
 
-    /// The figures of the whole time; `began_ns` is when it began, on the clock of the images' times.
-    pub fn summary(&self, began_ns: u64) -> Summary {
-        let seconds = self.last_ns.saturating_sub(self.first_ns) as f64 / 1e9;
+    /// The figures of the whole time. When it began, and now where that goes on without images, are on the clock of the
+    /// images' times, nanoseconds.
+    pub fn summary(&self, began_ns: u64, now_ns: Option<u64>) -> Summary {
+        let took_s = seconds(self.last_ns.saturating_sub(self.first_ns));
         let made = self.images + self.skipped;
-        let hz = match seconds > 0.0 {
-            true => made.saturating_sub(1) as f64 / seconds,
-            false => 0.0,
-        };
+        let hz = (took_s > 0.0).then(|| made.saturating_sub(1) as f64 / took_s);
         let of_images = |images: u64| images as f64 / self.images.max(1) as f64;
         let clock = self.hello.as_ref().map(|hello| hello.clock);
         let us = |ns: u64| (clock == Some(Clock::Monotonic)).then_some(ns as f64 / 1e3);
@@ -415,8 +423,10 @@ impl Seen {
         let hand = self.hand.as_ref();
         Summary {
             images: made,
-            seconds,
+            seconds: took_s,
             hz,
+            longest_gap_s: self.gap_ns.map(seconds),
+            age_s: now_ns.and_then(|now_ns| self.age_ns(now_ns)).map(seconds),
             received: self.images,
             max_rate_hz,
             skipped: max_rate_hz.is_none().then_some(self.skipped),
@@ -445,11 +455,15 @@ impl Seen {
                 .map(|clock| unlooked(clock == Clock::Recording)),
             problems,
             out_of_use: hand.map_or_else(Vec::new, |hand| out_of_use(hand, &self.newest.taxels)),
-            raw_bits_per_s: raw_bits * hz,
-            image_bits_per_s: image_bits * hz,
+            raw_bits_per_s: hz.map(|hz| raw_bits * hz),
+            image_bits_per_s: hz.map(|hz| image_bits * hz),
             compression_ratio: raw_bits / image_bits.max(1.0),
         }
     }
+}
+
+fn seconds(ns: u64) -> f64 {
+    ns as f64 / 1e9
 }
 
 #[cfg(test)]

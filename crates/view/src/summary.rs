@@ -1,5 +1,6 @@
 //! What was seen in the whole time, for whoever has no terminal.
 
+use crate::figures::no_image_for;
 use serde::Serialize;
 use std::fmt;
 use taxel_wire::status::ProblemStatus;
@@ -11,8 +12,12 @@ pub struct Summary {
     pub images: u64,
     /// How long that was, seconds.
     pub seconds: f64,
-    /// Images made per second.
-    pub hz: f64,
+    /// Images made per second; `None` where one came alone, or all at one time.
+    pub hz: Option<f64>,
+    /// The longest between two images that came, seconds; `None` where one came alone.
+    pub longest_gap_s: Option<f64>,
+    /// How long ago the newest came at the end, seconds; `None` where nothing was waited for, as in a recording.
+    pub age_s: Option<f64>,
     /// Images that came.
     pub received: u64,
     /// The most images in a second that were asked for; `None` where that was all of them.
@@ -57,10 +62,10 @@ pub struct Summary {
     pub(crate) unlooked: Option<&'static str>,
     /// Which taxels are out of use at the end and why, a sentence each.
     pub out_of_use: Vec<String>,
-    /// The raw counts, bits per second.
-    pub raw_bits_per_s: f64,
-    /// What tells a display as much as its actuators can render, bits per second.
-    pub image_bits_per_s: f64,
+    /// The raw counts, bits per second; `None` where `hz` is.
+    pub raw_bits_per_s: Option<f64>,
+    /// What tells a display as much as its actuators can render, bits per second, likewise.
+    pub image_bits_per_s: Option<f64>,
     /// How much less that is.
     pub compression_ratio: f64,
 }
@@ -68,14 +73,20 @@ pub struct Summary {
 impl fmt::Display for Summary {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         let ms = |us: f64| us / 1e3;
-        write!(
-            f,
-            "images     {} in {:.1} s, {:.1} Hz, ",
-            self.images, self.seconds, self.hz
-        )?;
+        write!(f, "images     {} in {:.1} s, ", self.images, self.seconds)?;
+        if let Some(hz) = self.hz {
+            write!(f, "{hz:.1} Hz, ")?;
+        }
         match self.max_rate_hz {
             Some(hz) => writeln!(f, "{} of them asked for: at most {hz:.0} a second", self.received)?,
             None => writeln!(f, "{} of them skipped", self.skipped.unwrap_or_default())?,
+        }
+        let gap = self
+            .longest_gap_s
+            .map(|s| format!("{s:.2} s at most between two"));
+        let gaps: Vec<String> = gap.into_iter().chain(no_image_for(self.age_s)).collect();
+        if !gaps.is_empty() {
+            writeln!(f, "gaps       {}", gaps.join("; "))?;
         }
         if let (Some(p50), Some(p99), Some(max)) =
             (self.latency_p50_us, self.latency_p99_us, self.latency_max_us)
@@ -127,12 +138,14 @@ impl fmt::Display for Summary {
         for sentence in &self.out_of_use {
             writeln!(f, "out of use {sentence}")?;
         }
+        let (Some(raw), Some(image)) = (self.raw_bits_per_s, self.image_bits_per_s) else {
+            return Ok(());
+        };
+        let (raw, image) = (bits_per_s(raw), bits_per_s(image));
         writeln!(
             f,
-            "data       {} raw, {} to the display, {:.0}:1",
-            bits_per_s(self.raw_bits_per_s),
-            bits_per_s(self.image_bits_per_s),
-            self.compression_ratio,
+            "data       {raw} raw, {image} to the display, {:.0}:1",
+            self.compression_ratio
         )
     }
 }

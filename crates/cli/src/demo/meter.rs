@@ -72,7 +72,12 @@ impl Meter {
     pub(super) fn object(&self) -> anyhow::Result<String> {
         let palpation = self.palpation.as_ref().map(lock);
         let touches = palpation.map_or(json!({}), |palpation| json!({ "touches": palpation.figures() }));
-        object(&lock(&self.seen), &self.scene, self.scene_began_ns, touches)
+        object(
+            &lock(&self.seen),
+            &self.scene,
+            (self.scene_began_ns, None),
+            touches,
+        )
     }
 
     /// The whole run in a few lines.
@@ -94,7 +99,7 @@ impl Meter {
             "{}: {}; {display}\n{}{touches}",
             self.scene,
             self.hand,
-            seen.summary(self.scene_began_ns)
+            seen.summary(self.scene_began_ns, None)
         )
     }
 }

@@ -87,7 +87,8 @@ pub(super) fn run(
             glance();
             let seen = lock(&daemon.seen);
             let name = seen.hello().map_or("taxeld".into(), |hello| hello.daemon.clone());
-            summary::print(&seen, &name, began_ns, as_json)
+            let now_ns = taxel_can::monotonic_ns();
+            summary::print(&seen, &name, (began_ns, Some(now_ns)), as_json)
         }
     };
     daemon.over.store(true, Ordering::Relaxed);

@@ -38,20 +38,22 @@ const GLANCE_S: f64 = 2.0;
 /// `?` lists the keys: look at a taxel, show it over time, hold the scale; change method, levels and actuators for
 /// this view alone; measure the baseline anew, pause, make a mark, record. The view waits for a daemon that was restarted.
 ///
-/// Without a terminal, or where TERM is dumb, it prints a summary. With NO_COLOR it draws shades.
+/// Without a terminal, or where TERM is dumb, it prints a summary. That, --json and --svg end with 1 where no image came,
+/// or the daemon is gone at the end. With NO_COLOR it draws shades.
 #[derive(Debug, clap::Args)]
 #[command(after_help = "\
 With --json, it prints one object instead:
-  {\"name\",\"layout\",\"taxels\",\"method\",\"levels\",\"actuators\",\"images\",\"seconds\",\"hz\",\"received\",\"max_rate_hz\",
-   \"skipped\",\"latency_p50_us\",\"latency_p99_us\",\"latency_max_us\",\"contact_ratio\",\"most_contacts\",
-   \"most_actuators\",\"calibrating\",\"calibrated_s\",\"paused\",\"gone\",\"missing\",\"faulty\",\"joints\",
-   \"joints_known\",\"joints_known_ratio\",\"problems\",\"out_of_use\":[sentences],\"raw_bits_per_s\",
-   \"image_bits_per_s\",\"compression_ratio\"}
+  {\"name\",\"layout\",\"taxels\",\"method\",\"levels\",\"actuators\",\"images\",\"seconds\",\"hz\",\"longest_gap_s\",
+   \"age_s\",\"received\",\"max_rate_hz\",\"skipped\",\"latency_p50_us\",\"latency_p99_us\",\"latency_max_us\",
+   \"contact_ratio\",\"most_contacts\",\"most_actuators\",\"calibrating\",\"calibrated_s\",\"paused\",\"gone\",
+   \"missing\",\"faulty\",\"joints\",\"joints_known\",\"joints_known_ratio\",\"problems\",
+   \"out_of_use\":[sentences],\"raw_bits_per_s\",\"image_bits_per_s\",\"compression_ratio\"}
 images counts those made, received those that came: of a daemon at most max_rate_hz are asked for.
-Null are latencies where images have no time of this machine's clock, calibrated_s where the end of a
-calibration was not seen, joints_known_ratio without joints, gone while the daemon is there (else why
-it is not), and paused and problems where nobody has told; else problems are those of `taxel
-status --json`. Where no image came, or the daemon is gone at the end, it ends with 1.
+longest_gap_s is the longest between two that came, age_s how long ago the newest came at the end.
+Null are rates and the gap where one image came alone, age_s of a recording, latencies where images
+have no time of this machine's clock, calibrated_s where the end of a calibration was not seen,
+joints_known_ratio without joints, gone while the daemon is there (else why it is not), and paused
+and problems where nobody has told; else problems are those of `taxel status --json`.
 
 Examples:
   taxel view                           the daemon on this machine
@@ -100,6 +102,9 @@ fn size(text: &str) -> Result<(u16, u16), String> {
 
 impl Sheet<'_> {
     /// Draws what is to be seen now.
+    ///
+    /// # Errors
+    /// Where no hand was described, and, once it is drawn, those of [`summary::ended`].
     fn draw(&self, seen: &Mutex<Seen>, source: &dyn Source, screen: &Screen) -> anyhow::Result<()> {
         let area = Rect::new(0, 0, self.size.0, self.size.1);
         let mut buffer = Buffer::empty(area);
@@ -118,9 +123,10 @@ impl Sheet<'_> {
             false,
         );
         match self.path.as_os_str() == "-" {
-            true => stdout::print(&svg(&buffer)),
-            false => OutputFile::write(self.path, svg(&buffer)),
+            true => stdout::print(&svg(&buffer))?,
+            false => OutputFile::write(self.path, svg(&buffer))?,
         }
+        summary::ended(&seen, &heading.name)
     }
 }
 
@@ -327,8 +333,8 @@ mod tests {
         }
     }
 
-    #[test]
-    fn what_happens_by_itself_does_not_hide_what_became_of_a_key() {
+    /// What was seen of a daemon that has described its hand.
+    fn seen() -> Mutex<Seen> {
         let (mode, hz) = ("timer".into(), Some(50.0));
         let hello = Hello::new(
             "taxeld 0.1.0",
@@ -339,6 +345,28 @@ mod tests {
         );
         let seen = Mutex::new(Seen::default());
         lock(&seen).see_hello(&hello, 0);
+        seen
+    }
+
+    #[test]
+    fn a_picture_of_a_daemon_that_is_gone_is_drawn_and_ends_with_why() {
+        let folder = tempfile::tempdir().unwrap();
+        let path = folder.path().join("hand.svg");
+        let sheet = Sheet {
+            path: &path,
+            size: (80, 24),
+        };
+        let seen = seen();
+        lock(&seen).set_gone("it ended");
+        let outcome = sheet.draw(&seen, &Answering, &Screen::new());
+        assert_eq!(outcome.unwrap_err().to_string(), "hand: it ended");
+        let drawn = std::fs::read_to_string(&path).unwrap();
+        assert!(drawn.contains("the daemon is gone (it ended)"), "{drawn}");
+    }
+
+    #[test]
+    fn what_happens_by_itself_does_not_hide_what_became_of_a_key() {
+        let seen = seen();
         let mut view = View {
             seen: &seen,
             source: &Answering,

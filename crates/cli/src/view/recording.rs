@@ -87,7 +87,7 @@ pub(super) fn run(
         }
         return match sheet {
             Some(sheet) => sheet.draw(&player.seen, &*player, &Screen::of_recording()),
-            None => summary::print(&lock(&player.seen), &player.name, 0, as_json),
+            None => summary::print(&lock(&player.seen), &player.name, (0, None), as_json),
         };
     }
     // What keeps the file from being read is said before the terminal is taken.

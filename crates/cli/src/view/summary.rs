@@ -23,11 +23,19 @@ struct Object<'a> {
     more: Value,
 }
 
+/// When it began, and now where that goes on without images ([`Seen::summary`]).
+type Time = (u64, Option<u64>);
+
 /// The object of what was seen, and what more there is to it.
 ///
 /// # Errors
 /// Where no hand was described.
-pub(crate) fn object(seen: &Seen, name: &str, began_ns: u64, more: Value) -> anyhow::Result<String> {
+pub(crate) fn object(
+    seen: &Seen,
+    name: &str,
+    (began_ns, now_ns): Time,
+    more: Value,
+) -> anyhow::Result<String> {
     let hello = seen.hello().context(NO_HAND)?;
     let object = Object {
         name,
@@ -36,7 +44,7 @@ pub(crate) fn object(seen: &Seen, name: &str, began_ns: u64, more: Value) -> any
         method: &hello.profile.method,
         levels: hello.profile.levels,
         actuators: hello.profile.actuators,
-        summary: seen.summary(began_ns),
+        summary: seen.summary(began_ns, now_ns),
         more,
     };
     Ok(serde_json::to_string(&object)? + "\n")
@@ -46,12 +54,12 @@ pub(crate) fn object(seen: &Seen, name: &str, began_ns: u64, more: Value) -> any
 ///
 /// # Errors
 /// Where no image came, and, once it is printed, where the daemon is gone at the end.
-pub(super) fn print(seen: &Seen, name: &str, began_ns: u64, as_json: bool) -> anyhow::Result<()> {
+pub(super) fn print(seen: &Seen, name: &str, time: Time, as_json: bool) -> anyhow::Result<()> {
     if seen.images() == 0 {
-        bail!("{name}: {}", seen.gone().unwrap_or("no image came"));
+        return ended(seen, name);
     }
     if as_json {
-        stdout::print(&object(seen, name, began_ns, json!({}))?)?;
+        stdout::print(&object(seen, name, time, json!({}))?)?;
     } else {
         let hello = seen.hello().context(NO_HAND)?;
         stdout::print(&format!(
@@ -61,11 +69,20 @@ pub(super) fn print(seen: &Seen, name: &str, began_ns: u64, as_json: bool) -> an
             hello.profile.method,
             hello.profile.levels,
             hello.profile.actuators,
-            seen.summary(began_ns)
+            seen.summary(time.0, time.1)
         ))?;
     }
+    ended(seen, name)
+}
+
+/// What became of it.
+///
+/// # Errors
+/// Where no image came, or the daemon is gone at the end.
+pub(super) fn ended(seen: &Seen, name: &str) -> anyhow::Result<()> {
     match seen.gone() {
         Some(why) => bail!("{name}: {why}"),
+        None if seen.images() == 0 => bail!("{name}: no image came"),
         None => Ok(()),
     }
 }
@@ -87,7 +104,7 @@ mod tests {
         let mut seen = Seen::new();
         let hello = Hello::new("taxeld", &layout, &Profile::default(), rate, Clock::Monotonic);
         seen.see_hello(&hello, 0);
-        let failure = |seen: &Seen| print(seen, "hand", 0, true).map_err(|error| error.to_string());
+        let failure = |seen: &Seen| print(seen, "hand", (0, None), true).map_err(|error| error.to_string());
         assert_eq!(failure(&seen), Err("hand: no image came".into()));
         let image = TactileImage {
             width: 1,
@@ -102,7 +119,8 @@ mod tests {
         assert_eq!(failure(&seen), Ok(()));
         seen.set_gone("it ended");
         assert_eq!(failure(&seen), Err("hand: it ended".into()));
-        let object: Value = serde_json::from_str(&object(&seen, "hand", 0, json!({})).unwrap()).unwrap();
+        let object: Value =
+            serde_json::from_str(&object(&seen, "hand", (0, None), json!({})).unwrap()).unwrap();
         assert_eq!(object["gone"], json!("it ended"));
     }
 }

@@ -1,6 +1,7 @@
 //! The line above the panels and those below.
 
 use crate::colour::Palette;
+use crate::figures::no_image_for;
 use crate::paint::{shortened, text, text_width};
 use crate::picture::{Picture, fault_in_words};
 use crate::screen::Screen;
@@ -36,6 +37,15 @@ pub(super) fn heading(
     };
     let urgent = if picture.gone.is_some() {
         said(picture)
+    } else if let Some(ceased) = no_image_for(picture.age_s) {
+        // What is wrong may say why.
+        Some(
+            [Some(ceased), problem]
+                .into_iter()
+                .flatten()
+                .collect::<Vec<_>>()
+                .join("; "),
+        )
     } else if picture.paused {
         Some("paused: every actuator has let go; p goes on".into())
     } else if picture.calibrating {
@@ -61,7 +71,8 @@ fn room(area: Rect, heading: &super::Heading) -> usize {
 
 /// Whether the line above the panels says these words of the moment: where it has room, and nothing that lasts to say.
 fn is_said_above(words: &str, picture: &Picture, room: usize) -> bool {
-    let lasts = picture.gone.is_none() && (picture.paused || picture.calibrating);
+    let lasts = picture.paused || picture.calibrating || no_image_for(picture.age_s).is_some();
+    let lasts = picture.gone.is_none() && lasts;
     !lasts && text_width(words) <= room
 }
 

@@ -78,7 +78,7 @@ fn rate_and_latency_are_those_of_the_images() {
         (figures.latency_p50_ms, figures.latency_p99_ms),
         (Some(0.25), Some(0.25))
     );
-    let summary = seen.summary(SECOND_NS).to_string();
+    let summary = seen.summary(SECOND_NS, None).to_string();
     for part in [
         "images     200 in 4.0 s, 50.0 Hz",
         "p50 0.25 ms",
@@ -95,7 +95,7 @@ fn the_rate_is_the_daemons_also_where_fewer_images_are_asked_for() {
     (0..50).for_each(|index| see(&mut seen, 4 * index, 3, 10.0));
     let figures = seen.figures(SECOND_NS + 196 * 20_000_000);
     assert!((figures.rate_hz - 50.0).abs() < 0.01, "{figures:?}");
-    let summary = seen.summary(SECOND_NS).to_string();
+    let summary = seen.summary(SECOND_NS, None).to_string();
     assert!(
         summary.contains("images     200 in ") && summary.contains(", 150 of them skipped"),
         "{summary}"
@@ -241,7 +241,7 @@ fn what_became_of_a_key_is_not_replaced_by_what_happens_meanwhile() {
 fn a_summary_has_no_figure_that_nobody_measured() {
     let mut seen = seen();
     see(&mut seen, 0, 0, 10.0);
-    let summary = seen.summary(SECOND_NS);
+    let summary = seen.summary(SECOND_NS, None);
     assert_eq!(
         (summary.calibrated_s, summary.joints_known_ratio, summary.paused),
         (None, None, None)
@@ -249,12 +249,52 @@ fn a_summary_has_no_figure_that_nobody_measured() {
     assert!(!summary.calibrating && summary.gone.is_none());
     seen.see_status(serde_json::json!({ "paused": true }));
     seen.set_gone("it ended");
-    let summary = seen.summary(SECOND_NS);
+    let summary = seen.summary(SECOND_NS, None);
     assert_eq!(
         (summary.paused, summary.gone.as_deref()),
         (Some(true), Some("it ended"))
     );
     assert!(summary.to_string().contains("paused at the end"), "{summary}");
+}
+
+#[test]
+fn a_summary_tells_how_long_no_image_came_in_between_and_at_the_end() {
+    let mut seen = seen();
+    let end = Some(9 * SECOND_NS);
+    assert_eq!(seen.summary(SECOND_NS, end).age_s, None);
+    see(&mut seen, 0, 0, 10.0);
+    let one = seen.summary(SECOND_NS, None);
+    assert_eq!((one.hz, one.longest_gap_s, one.age_s), (None, None, None));
+    assert_eq!((one.raw_bits_per_s, one.image_bits_per_s), (None, None));
+    assert!(
+        !one.to_string().contains("Hz") && !one.to_string().contains("bit/s"),
+        "{one}"
+    );
+    // At 1.0 s and up to 1.2 s, at 3.0 s and up to 4.0 s.
+    (1..=10)
+        .chain(100..=150)
+        .for_each(|index| see(&mut seen, index, 0, 10.0));
+    let recorded = seen.summary(SECOND_NS, None);
+    assert_eq!((recorded.longest_gap_s, recorded.age_s), (Some(1.8), None));
+    assert!(
+        recorded
+            .to_string()
+            .contains("gaps       1.80 s at most between two\n"),
+        "{recorded}"
+    );
+    let live = seen.summary(SECOND_NS, Some(4 * SECOND_NS + 200_250_000));
+    assert_eq!(live.age_s, Some(0.2));
+    assert!(!live.to_string().contains("no image"), "{live}");
+    let ceased = seen.summary(SECOND_NS, Some(7 * SECOND_NS + 300_250_000));
+    assert_eq!(ceased.age_s, Some(3.3));
+    assert!(
+        ceased
+            .to_string()
+            .contains(" between two; no image for the last 3.3 s\n"),
+        "{ceased}"
+    );
+    let mut picture = |now_ns| seen.picture(&Screen::new(), now_ns).unwrap().age_s;
+    assert_eq!(picture(7 * SECOND_NS + 300_250_000), Some(3.3));
 }
 
 #[test]
@@ -269,12 +309,12 @@ fn when_the_baseline_was_measured_is_told_where_that_was_seen() {
         (101, Flags::default(), "calibrated 2.0 s after the start"),
     ] {
         see_while(&mut seen, index, 0, 10.0, flags);
-        let summary = seen.summary(SECOND_NS).to_string();
+        let summary = seen.summary(SECOND_NS, None).to_string();
         assert!(summary.contains(wanted), "{wanted}: {summary}");
     }
     see_while(&mut seen, 102, 0, 10.0, Flags::CALIBRATING);
     see(&mut seen, 150, 0, 10.0);
-    let before = seen.summary(5 * SECOND_NS);
+    let before = seen.summary(5 * SECOND_NS, None);
     assert_eq!(before.calibrated_s, Some(-1.0));
     assert!(
         before.to_string().contains("calibrated before the start"),
@@ -285,7 +325,7 @@ fn when_the_baseline_was_measured_is_told_where_that_was_seen() {
 #[test]
 fn a_summary_says_where_nobody_has_looked_for_problems() {
     let problems = |seen: &Seen| {
-        let summary = seen.summary(0).to_string();
+        let summary = seen.summary(0, None).to_string();
         let line = summary.lines().find(|line| line.starts_with("problem"));
         line.map(str::to_owned)
     };

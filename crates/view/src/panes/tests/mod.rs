@@ -68,6 +68,7 @@ fn picture_of(name: &str) -> Picture {
         calibrating: false,
         paused: false,
         gone: None,
+        age_s: Some(0.02),
         note: None,
         problems: Some(Vec::new()),
         recorded: false,

@@ -5,12 +5,16 @@ use super::*;
 #[test]
 fn what_the_user_must_know_replaces_the_sentence_above() {
     type Change = fn(&mut Picture);
-    let changes: [(Change, &str); 5] = [
+    let changes: [(Change, &str); 6] = [
         (|picture| picture.calibrating = true, "hands off"),
         (|picture| picture.paused = true, "let go"),
         (
             |picture| picture.gone = Some("it ended".into()),
             "the daemon is gone (it ended)",
+        ),
+        (
+            |picture| picture.age_s = Some(3.31),
+            "no image for the last 3.3 s",
         ),
         (|picture| picture.note = Some("mark: cup 3".into()), "mark: cup 3"),
         (
@@ -48,9 +52,10 @@ fn what_is_too_long_for_the_line_above_is_told_whole_below_and_the_keys_stay() {
         assert!(shown.contains("? keys  q quit"), "{shown}");
     }
     // Nor is it hidden by what lasts.
-    let lasting: [fn(&mut Picture); 2] = [
+    let lasting: [fn(&mut Picture); 3] = [
         |picture| picture.paused = true,
         |picture| picture.calibrating = true,
+        |picture| picture.age_s = Some(2.0),
     ];
     for change in lasting {
         let mut picture = picture();
