@@ -1,6 +1,7 @@
 //! The `taxel` command as a user runs it.
 
 mod advice;
+mod advice_on_columns;
 mod begun_in_a_touch;
 mod categorize;
 mod categorize_sweep;

@@ -1,0 +1,203 @@
+//! What is said of columns of a table that are read otherwise than they were meant.
+
+use crate::{fails, succeeds};
+use tempfile::TempDir;
+
+#[test]
+fn columns_of_a_table_that_are_no_taxels_are_told() {
+    let dir = TempDir::new().unwrap();
+    let write = |text: &str| std::fs::write(dir.path().join("in.csv"), text).unwrap();
+    fn compress<'a>(options: &[&'a str]) -> Vec<&'a str> {
+        [&["compress", "in.csv", "--out", "o.npz", "--rate", "30"], options].concat()
+    }
+    write(",timestamp,a,b,c,d\n0,1.7e9,0,0,5,0\n1,1.8e9,0,0,5,0\n");
+    let (_, err) = succeeds(&dir, &compress(&["--layout", "grid:2x2"]));
+    assert!(
+        err.contains("in.csv: left out, since no taxels: column \"\"\n"),
+        "{err}"
+    );
+    let err = fails(&dir, &compress(&["--layout", "grid:2x3"]), 1);
+    assert!(
+        err.contains("has 4 taxels (\"a\" to \"d\"), and 2 x 3 are 6"),
+        "{err}"
+    );
+    let numbers = |count: usize| vec!["7"; count].join(",");
+    write(&format!("{}\n{0}\n", numbers(48)));
+    let err = fails(&dir, &compress(&["--layout", "uskin-module"]), 1);
+    assert!(
+        err.contains("has 48 taxels and layout uskin-module has 16, a third; say with --columns"),
+        "{err}"
+    );
+    let names: Vec<String> = (1..=16)
+        .flat_map(|taxel| ["x", "y", "z"].map(|axis| format!("txl{taxel}_{axis}")))
+        .collect();
+    write(&format!("{}\n{}\n", names.join(","), numbers(48)));
+    let err = fails(&dir, &compress(&[]), 1);
+    assert!(
+        err.contains("has 16 taxels and") && err.contains("row by row: --layout grid:4x4"),
+        "{err}"
+    );
+    for (layout, is_told) in [("uskin-module", true), ("grid:4x4", false)] {
+        let (_, err) = succeeds(&dir, &compress(&["--layout", layout]));
+        let told = "XELA's server, whose names these are, numbers taxels row by row, --layout grid:4x4";
+        assert_eq!(err.contains(told), is_told, "{err}");
+    }
+    // Also where it is repeated, and where frames are copied as they are.
+    let in_order = "whose order is a.reshape(len(a), -1, 4, 3)[:, :, [0, 2, 1, 3]].reshape(a.shape)";
+    for args in [
+        &compress(&["--layout", "allegro-uskin-15", "--tile"])[..],
+        &[
+            "convert",
+            "in.csv",
+            "o.npz",
+            "--layout",
+            "uskin-module",
+            "--rate",
+            "30",
+        ],
+        &[
+            "convert",
+            "in.csv",
+            "o.log",
+            "--layout",
+            "uskin-module",
+            "--rate",
+            "30",
+        ],
+    ] {
+        let (_, err) = succeeds(&dir, args);
+        assert!(err.contains(in_order), "{args:?}: {err}");
+    }
+    let play = ["replay", "in.csv", "--to", "log:o.log", "--layout", "grid:4x4"];
+    let err = fails(&dir, &play, 1);
+    assert!(
+        err.contains("of one 4x4 module uskin-module, and put the taxels into its order: a.reshape(len(a)"),
+        "{err}"
+    );
+    write("0,1,2,3\n5,6,7,9\n");
+    let (_, err) = succeeds(&dir, &compress(&["--layout", "grid:2x2"]));
+    assert!(
+        err.contains("in.csv: its first line, 0, 1, 2, .., is taken for a frame; where these are pandas' names of columns"),
+        "{err}"
+    );
+    write("# mine\n0,1,2,3\n5,6,7,9\n");
+    let (_, err) = succeeds(&dir, &compress(&["--layout", "grid:2x2"]));
+    assert!(err.contains("cut it off (`tail -n +3`)"), "{err}");
+    write("fx,fy,fz\n1,2,3\n");
+    let err = fails(&dir, &compress(&["--layout", "grid:1x3"]), 1);
+    assert!(
+        err.contains(
+            "counts x y z by the names of its columns; without its header (`tail -n +2`) all are magnitudes"
+        ),
+        "{err}"
+    );
+}
+
+#[test]
+fn what_is_said_of_columns_of_xela_leads_to_pictures_of_as_many_taxels() {
+    let dir = TempDir::new().unwrap();
+    for (taxels, layout, advice, followed) in [
+        (
+            240,
+            "allegro-xela-18",
+            "--layout grid:60x4 (modules of 4x4 below one another) or grid:40x6 (",
+            "grid:60x4",
+        ),
+        (
+            24,
+            "allegro-uskin-15",
+            "row by row: --layout grid:4x6\n",
+            "grid:4x6",
+        ),
+        (
+            16,
+            "allegro-uskin-15",
+            "row by row: --layout grid:4x4\n",
+            "grid:4x4",
+        ),
+        (32, "allegro-uskin-15", "--layout grid:8x4 (modules", "grid:8x4"),
+        (30, "allegro-uskin-15", "--layout grid:HxW\n", "grid:5x6"),
+    ] {
+        let names: Vec<String> = (1..=taxels)
+            .map(|n| format!("txl{n}_x,txl{n}_y,txl{n}_z"))
+            .collect();
+        let line = vec!["20000,20001,20002"; taxels].join(",");
+        std::fs::write(
+            dir.path().join("in.csv"),
+            format!("{}\n{}", names.join(","), format!("{line}\n").repeat(60)),
+        )
+        .unwrap();
+        let compress = |layout| {
+            [
+                "compress", "in.csv", "--rate", "30", "--out", "o.npz", "--layout", layout,
+            ]
+        };
+        let err = fails(&dir, &compress(layout), 1);
+        assert!(err.contains(advice), "{err}");
+        let (_, err) = succeeds(&dir, &compress(followed));
+        assert!(!err.contains("XELA"), "{err}");
+        let err = fails(&dir, &["convert", "in.csv", "o.log", "--layout", followed], 1);
+        assert_eq!(err.contains("uskin-module"), taxels == 16, "{err}");
+        if taxels == 24 {
+            let (_, err) = succeeds(&dir, &compress("uskin-fingertip"));
+            assert!(
+                err.contains("numbers taxels row by row, --layout grid:4x6; uskin-fingertip"),
+                "{err}"
+            );
+            assert!(!err.contains("order"), "{err}");
+        }
+    }
+}
+
+#[test]
+fn rows_of_the_hand_of_a_configuration_lead_to_their_columns_also_where_the_last_taxel_is_silent() {
+    let dir = TempDir::new().unwrap();
+    std::fs::write(dir.path().join("hand.toml"), "layout = \"uskin-module\"\n").unwrap();
+    let of_hand = [
+        "compress",
+        "in.csv",
+        "--config",
+        "hand.toml",
+        "--rate",
+        "30",
+        "--out",
+        "o.npz",
+    ];
+    let values = vec!["20000"; 45].join(",");
+    for (line, columns, wanted) in [
+        (
+            format!("{values},,,\n"),
+            48,
+            "say with --columns xyz-interleaved or xyz-blocks",
+        ),
+        (
+            format!(",,,{values}\n"),
+            48,
+            "say with --columns xyz-interleaved or xyz-blocks",
+        ),
+        (
+            format!("7,{values},,,\n"),
+            49,
+            "say with --columns xyz-interleaved --time-column UNIT that the first is time",
+        ),
+    ] {
+        std::fs::write(dir.path().join("in.csv"), line.repeat(60)).unwrap();
+        let err = fails(&dir, &of_hand, 1);
+        assert!(
+            err.contains(&format!("of these {columns} columns {wanted}")),
+            "{err}"
+        );
+        let time: &[&str] = if columns == 49 {
+            &["--time-column", "ms"]
+        } else {
+            &[]
+        };
+        let followed = [&of_hand, &["--columns", "xyz-interleaved"][..], time].concat();
+        succeeds(&dir, &followed);
+    }
+    // Cells of a grid that are no taxels.
+    std::fs::write(dir.path().join("in.csv"), "1,,3,4,5,6\n".repeat(9)).unwrap();
+    let args = ["compress", "in.csv", "--layout", "grid:2x3", "--out", "o.npz"];
+    assert!(fails(&dir, &args, 1).contains("--void nan"));
+    succeeds(&dir, &[&args, &["--void", "nan"][..]].concat());
+}
