@@ -116,6 +116,20 @@ fn what_is_said_of_columns_of_xela_leads_to_pictures_of_as_many_taxels() {
             "grid:4x4",
         ),
         (32, "allegro-uskin-15", "--layout grid:8x4 (modules", "grid:8x4"),
+        // XELA's own Allegro hand: modules of 4x4, of 4x6 and of 30 taxels, which nothing in the file tells.
+        (
+            368,
+            "allegro-xela-18",
+            "--layout grid:92x4 (modules of 4x4 below one another) where all modules are of that kind; where not, as on the \
+             Allegro hand of 368 taxels, a layout file says which modules they are (docs/guide.md, \"Write a layout\")\n",
+            "grid:92x4",
+        ),
+        (
+            344,
+            "uskin-module",
+            "row by row: a layout file says which modules they are (docs/guide.md, \"Write a layout\"), or --layout grid:HxW\n",
+            "grid:86x4",
+        ),
         (30, "allegro-uskin-15", "--layout grid:HxW\n", "grid:5x6"),
     ] {
         let names: Vec<String> = (1..=taxels)

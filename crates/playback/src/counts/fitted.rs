@@ -43,7 +43,7 @@ pub(crate) fn recorded_taxels(
             if recording.is_of_xela() {
                 format!(
                     "XELA's server, whose names these are, numbers the taxels of a module row by row: {}",
-                    grids_of_modules(taxels)
+                    layout_of_modules(taxels)
                 )
             } else if 3 * taxels == layout.len() && !recording.column_names().is_empty() {
                 "they are counts x y z by the names of its columns; without its header (`tail -n +2`) all are magnitudes".into()
@@ -77,25 +77,30 @@ pub fn tell_rows(recording: &Recording, layout: &Layout) {
             "taxel: {}: XELA's server, whose names these are, numbers taxels row by row, {}; {} takes them for the chips of a \
              board{order}",
             recording.name(),
-            grids_of_modules(recording.taxels()),
+            layout_of_modules(recording.taxels()),
             layout.name
         );
     }
 }
 
-/// The grids that so many taxels are, numbered row by row of modules of 4x4 or 4x6, which stand below one another.
-fn grids_of_modules(taxels: usize) -> String {
-    let widths = [4, 6]
-        .into_iter()
-        .filter(|width| taxels.is_multiple_of(4 * width));
+/// The layout of so many taxels, numbered row by row of modules that nobody knows: the grid of one of 4x4 or 4x6, or those
+/// of several which stand below one another, if they are all alike.
+fn layout_of_modules(taxels: usize) -> String {
+    let widths = [4, 6].into_iter();
     let grids: Vec<String> = widths
+        .filter(|width| taxels.is_multiple_of(4 * width))
         .map(|width| match taxels / width {
             4 => format!("grid:4x{width}"),
             rows => format!("grid:{rows}x{width} (modules of 4x{width} below one another)"),
         })
         .collect();
+    let file = "a layout file says which modules they are (docs/guide.md, \"Write a layout\")";
     match grids[..] {
-        [] => "--layout grid:HxW".into(),
-        _ => format!("--layout {}", grids.join(" or ")),
+        [] => format!("{file}, or --layout grid:HxW"),
+        _ if [16, 24].contains(&taxels) => format!("--layout {}", grids[0]),
+        _ => format!(
+            "--layout {} where all modules are of that kind; where not, as on the Allegro hand of 368 taxels, {file}",
+            grids.join(" or ")
+        ),
     }
 }
