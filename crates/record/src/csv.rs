@@ -65,7 +65,9 @@ pub(crate) fn read(path: &Path, options: &ReadOptions) -> Result<Table, RecordEr
             refuse_log_of_python_can(record, path).map_err(refuse)?;
             frames.meaning = LineColumns::of_header(record, options).map_err(refuse)?;
         } else {
-            frames.may_lack_one |= is_cut && ends_with_separator(record) && frames.meaning.columns.is_none();
+            if is_cut && frames.meaning.columns.is_none() {
+                frames.empty_at_end = empty_at_end(record);
+            }
             let begins_with_numbers = frames.meaning.columns.is_none()
                 && record.len() >= FEWEST_NUMBERS
                 && are_numbers(record.iter());
@@ -158,8 +160,9 @@ struct Frames {
     frames: usize,
     /// The line of the first one, where that may be the numbers of its columns.
     names_line: Option<u64>,
-    /// Whether the first of lines without names ends with an empty cell and a separator, behind which may be one more.
-    may_lack_one: bool,
+    /// Empty cells at the end of the first of lines without names, where that ends with a separator, behind which may be one
+    /// more.
+    empty_at_end: usize,
     values: Vec<f64>,
     times_ns: Vec<u64>,
     joints: Vec<f32>,
@@ -173,7 +176,7 @@ impl Frames {
             meaning,
             frames: 0,
             names_line: None,
-            may_lack_one: false,
+            empty_at_end: 0,
             values: Vec::new(),
             times_ns: Vec::new(),
             joints: Vec::new(),
@@ -241,7 +244,7 @@ impl Frames {
             unitless_time: meaning.unitless,
             names: ColumnNames {
                 may_be_line: self.names_line,
-                may_lack_one: self.may_lack_one,
+                empty_at_end: self.empty_at_end,
                 ..meaning.names
             },
         })
@@ -301,6 +304,13 @@ fn are_counts(columns: usize, options: &ReadOptions) -> bool {
 fn ends_with_separator(record: &ByteRecord) -> bool {
     let last = record.len() - 1;
     last > 0 && record[last].trim_ascii().is_empty()
+}
+
+fn empty_at_end(record: &ByteRecord) -> usize {
+    let cells = (0..record.len()).rev();
+    cells
+        .take_while(|cell| record[*cell].trim_ascii().is_empty())
+        .count()
 }
 
 fn is_header(record: &ByteRecord) -> bool {

@@ -35,8 +35,9 @@ pub enum RecordError {
         taxel: usize,
         /// Cells of a frame.
         cells: usize,
-        /// Whether there may be one more: the first line of a .csv ends with an empty cell and a separator.
-        may_lack_one: bool,
+        /// How many of them are empty at the end of the first line of a .csv where there may be one more, since that ends
+        /// with a separator; else 0.
+        empty_at_end: usize,
     },
     /// A readable file that does not hold what was asked for: its arrays or their shape.
     #[error("{at} {holds}")]

@@ -80,7 +80,7 @@ impl Recording {
                     taxels,
                     frames,
                     may_be_missing,
-                    names.may_lack_one,
+                    names.empty_at_end,
                 )?;
                 if let Some(idle) = options.idle_frames {
                     idle::subtract(&at, frames.len() / shape[0], idle, &mut frames)?;
@@ -336,7 +336,7 @@ fn magnitudes(
     all: usize,
     values: Vec<f64>,
     may_be_missing: bool,
-    may_lack_one: bool,
+    empty_at_end: usize,
 ) -> Result<Vec<f64>, RecordError> {
     let bad = |value: &f64| !(value.is_finite() || may_be_missing && value.is_nan());
     let Some(i) = values.iter().position(bad) else {
@@ -353,7 +353,7 @@ fn magnitudes(
             frame,
             taxel,
             cells: all,
-            may_lack_one,
+            empty_at_end,
         });
     }
     let reason = format!("frame {frame}, taxel {taxel} is {value}; a magnitude is a finite number");

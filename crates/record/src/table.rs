@@ -70,8 +70,8 @@ pub(crate) struct ColumnNames {
     pub(crate) left_out: Vec<String>,
     /// The line of the first frame, where that is 0, 1, 2, ..., as pandas names columns.
     pub(crate) may_be_line: Option<u64>,
-    /// Whether there may be one more column, which is empty as the one before it at the end of the first line.
-    pub(crate) may_lack_one: bool,
+    /// Empty cells at the end of the first line, where there may be one more of them, and one more column; else 0.
+    pub(crate) empty_at_end: usize,
 }
 
 /// A file's numbers before it is decided what they mean: row-major, with the file's own shape.

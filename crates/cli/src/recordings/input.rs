@@ -146,21 +146,31 @@ impl InputArgs {
     /// Says of cells that are not a number what they may be: of a taxel without counts, or of none.
     fn advised(&self, error: RecordError, hand: impl FnOnce() -> anyhow::Result<Layout>) -> anyhow::Error {
         let RecordError::NotANumber {
-            cells, may_lack_one, ..
+            cells, empty_at_end, ..
         } = error
         else {
             return error.into();
         };
         let void = "--void nan says that cells which are no number are no taxels";
-        let counts = hand().ok().filter(|_| self.is_csv()).and_then(|hand| {
-            let counts = |columns| Some((columns, magnitudes::counts_of(columns, hand.len(), true)?));
-            counts(cells + usize::from(may_lack_one)).or_else(|| counts(cells))
+        let Some(hand) = hand().ok().filter(|_| self.is_csv()) else {
+            return anyhow::anyhow!("{error}; {void}");
+        };
+        let mut readings = vec![(cells, "")];
+        if empty_at_end > 0 {
+            readings.push((cells + 1, "with one behind the last separator, "));
+        }
+        // A taxel without counts is three of them.
+        if !empty_at_end.is_multiple_of(3) {
+            readings.reverse();
+        }
+        let counts = readings.into_iter().filter_map(|(columns, how)| {
+            let counts = magnitudes::counts_of(columns, hand.len(), true)?;
+            Some(format!("{how}of these {columns} columns {counts}"))
         });
-        match counts {
-            Some((columns, counts)) => {
-                anyhow::anyhow!("{error}; of these {columns} columns {counts}; {void}")
-            }
-            None => anyhow::anyhow!("{error}; {void}"),
+        let counts: Vec<String> = counts.collect();
+        match counts[..] {
+            [] => anyhow::anyhow!("{error}; {void}"),
+            _ => anyhow::anyhow!("{error}; {}; {void}", counts.join("; or, ")),
         }
     }
 

@@ -178,29 +178,38 @@ fn rows_of_the_hand_of_a_configuration_lead_to_their_columns_also_where_the_last
         "o.npz",
     ];
     let values = vec!["20000"; 45].join(",");
-    for (line, columns, wanted) in [
-        (
-            format!("{values},,,\n"),
-            48,
-            "say with --columns xyz-interleaved or xyz-blocks",
-        ),
-        (
-            format!(",,,{values}\n"),
-            48,
-            "say with --columns xyz-interleaved or xyz-blocks",
-        ),
+    let are_counts = "say with --columns xyz-interleaved or xyz-blocks";
+    let is_timed = "say with --columns xyz-interleaved --time-column UNIT that the first is time";
+    for (line, columns, wanted, or) in [
+        (format!("{values},,,\n"), 48, are_counts, ""),
+        (format!(",,,{values}\n"), 48, are_counts, ""),
+        // Three empty cells, or two and the end of each line, as a spreadsheet may have it; the likelier is said first.
         (
             format!("7,{values},,,\n"),
             49,
-            "say with --columns xyz-interleaved --time-column UNIT that the first is time",
+            is_timed,
+            "; or, of these 48 columns say with",
+        ),
+        (
+            format!("{values},,,,\n"),
+            48,
+            are_counts,
+            "; or, with one behind the last separator, of these 49 columns say with",
+        ),
+        (
+            format!("7,{values},,,,\n"),
+            49,
+            is_timed,
+            "; or, with one behind the last separator, of these 50 columns say with",
         ),
     ] {
         std::fs::write(dir.path().join("in.csv"), line.repeat(60)).unwrap();
         let err = fails(&dir, &of_hand, 1);
-        assert!(
-            err.contains(&format!("of these {columns} columns {wanted}")),
-            "{err}"
-        );
+        let at = err
+            .find(&format!("of these {columns} columns {wanted}"))
+            .expect(&err);
+        assert_eq!(err.contains("; or, "), !or.is_empty(), "{err}");
+        assert!(err[at..].contains(or), "{err}");
         let time: &[&str] = if columns == 49 {
             &["--time-column", "ms"]
         } else {

@@ -221,15 +221,16 @@ fn an_empty_cell_at_the_end_is_the_z_of_the_last_taxel_where_threes_need_it() {
         assert_eq!(recording.joints(1).len(), joint_columns, "{text:?}");
     }
     for (text, wanted) in [
-        ("1,2,,\n", true),
-        ("1,,3,\n", false),
-        ("1,,3\n", false),
-        ("a,b,c,\n1,2,,\n", false),
+        ("1,2,,\n", 1),
+        ("1,,,\n", 2),
+        ("1,,3,\n", 0),
+        ("1,,3\n", 0),
+        ("a,b,c,\n1,2,,\n", 0),
     ] {
         match recording_of(text, &ReadOptions::default()).unwrap_err() {
             RecordError::NotANumber {
-                cells, may_lack_one, ..
-            } => assert_eq!((cells, may_lack_one), (3, wanted), "{text:?}"),
+                cells, empty_at_end, ..
+            } => assert_eq!((cells, empty_at_end), (3, wanted), "{text:?}"),
             error => panic!("{text:?}: {error}"),
         }
     }
