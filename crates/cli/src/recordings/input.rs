@@ -164,7 +164,7 @@ impl InputArgs {
             readings.reverse();
         }
         let counts = readings.into_iter().filter_map(|(columns, how)| {
-            let counts = magnitudes::counts_of(columns, hand.len(), true)?;
+            let counts = magnitudes::counts_of(columns, hand.len(), self)?;
             Some(format!("{how}of these {columns} columns {counts}"))
         });
         let counts: Vec<String> = counts.collect();
@@ -177,6 +177,16 @@ impl InputArgs {
     /// Whether it is a table, whose last columns can be joint angles.
     pub(crate) fn is_csv(&self) -> bool {
         FileKind::of(&self.path) == Some(FileKind::Csv)
+    }
+
+    /// Whether its first column was said to be time, which only that of a table can be.
+    pub(crate) fn has_time_column(&self) -> bool {
+        self.time_column.is_some()
+    }
+
+    /// How many of its last columns were said to be joint angles.
+    pub(crate) fn joint_columns(&self) -> usize {
+        self.joint_columns
     }
 
     /// Whether its magnitudes are above the level at which their taxel idles.

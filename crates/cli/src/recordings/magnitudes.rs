@@ -1,6 +1,7 @@
 //! What is said of magnitudes that are read otherwise than they were meant.
 
 use crate::input::InputArgs;
+use taxel_hand::plural;
 use taxel_record::Recording;
 use taxel_skin::Layout;
 
@@ -31,7 +32,7 @@ pub(crate) fn of_another_size(recording: &Recording, layout: &Layout, input: &In
     };
     let void = recording.cells();
     let columns = void.map_or(taxels, <[bool]>::len);
-    match counts_of(columns, wanted, input.is_csv()) {
+    match counts_of(columns, wanted, input) {
         Some(counts) => {
             let third = if taxels == 3 * wanted { ", a third" } else { "" };
             let leave = if void.is_some() {
@@ -48,11 +49,20 @@ pub(crate) fn of_another_size(recording: &Recording, layout: &Layout, input: &In
     }
 }
 
-/// What says of so many columns that they are the counts of a hand, and in a .csv its joint angles; none where they
-/// cannot be.
-pub(crate) fn counts_of(columns: usize, taxels: usize, is_csv: bool) -> Option<String> {
-    match columns.checked_sub(3 * taxels)? {
-        0 => Some("say with --columns xyz-interleaved or xyz-blocks that they are x y z counts".into()),
+/// What says of so many columns, beside those that were named already, that they are the counts of a hand, and in a .csv its
+/// joint angles; none where they cannot be.
+pub(crate) fn counts_of(columns: usize, taxels: usize, input: &InputArgs) -> Option<String> {
+    let more = columns.checked_sub(3 * taxels)?;
+    let [are_timed, is_csv] = [input.has_time_column(), input.is_csv()];
+    match more + input.joint_columns() {
+        _ if more == 0 => {
+            Some("say with --columns xyz-interleaved or xyz-blocks that they are x y z counts".into())
+        }
+        joints @ 1..=64 if are_timed => Some(format!(
+            "say with --columns xyz-interleaved --joint-columns {joints} that they are x y z counts and, at the end, {}; what \
+             is neither is to be cut out",
+            plural(joints, "joint angle")
+        )),
         1 if is_csv => Some(
             "say with --columns xyz-interleaved --time-column UNIT that the first is time and the others x y z counts, or with \
              --joint-columns 1 in place of --time-column that the last is a joint angle"

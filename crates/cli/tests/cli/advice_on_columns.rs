@@ -218,6 +218,30 @@ fn rows_of_the_hand_of_a_configuration_lead_to_their_columns_also_where_the_last
         let followed = [&of_hand, &["--columns", "xyz-interleaved"][..], time].concat();
         succeeds(&dir, &followed);
     }
+    // What was said already is not advised again.
+    let values = vec!["20000"; 49].join(",");
+    let lines: String = (0..60).map(|t| format!("{t},{values}\n")).collect();
+    std::fs::write(dir.path().join("in.csv"), lines).unwrap();
+    let timed = [
+        "compress",
+        "in.csv",
+        "--config",
+        "hand.toml",
+        "--out",
+        "o.npz",
+        "--time-column",
+        "ms",
+    ];
+    let err = fails(&dir, &timed, 1);
+    let one = "say with --columns xyz-interleaved --joint-columns 1 that they are x y z counts and, at the end, 1 joint \
+               angle; what is neither is to be cut out";
+    assert!(err.contains(one) && !err.contains("--time-column"), "{err}");
+    let timed_joint = [&timed[..], &["--joint-columns", "1"]].concat();
+    let err = fails(&dir, &timed_joint, 1);
+    assert!(
+        err.contains("say with --columns xyz-interleaved or xyz-blocks that they are"),
+        "{err}"
+    );
     // Cells of a grid that are no taxels.
     std::fs::write(dir.path().join("in.csv"), "1,,3,4,5,6\n".repeat(9)).unwrap();
     let args = ["compress", "in.csv", "--layout", "grid:2x3", "--out", "o.npz"];
