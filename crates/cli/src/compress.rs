@@ -62,7 +62,8 @@ pub(crate) struct Args {
     /// Writes the force levels of the whole recording here, to be kept constant as profile.codebook
     #[arg(long, value_name = "FILE")]
     learn_codebook: Option<PathBuf>,
-    /// One JSON object on stdout in the end: how many images there are, and of which kinds
+    /// One JSON object on stdout in the end: how many images there are, and of which kinds; of counts also the contact
+    /// threshold that was measured, and whether the hand moved meanwhile (moved); both are null of magnitudes
     #[arg(long)]
     json: bool,
 }
@@ -141,6 +142,7 @@ pub(crate) fn run(args: &Args) -> anyhow::Result<()> {
         out_of_use: OutOfUse::default(),
         of_counts: false,
         threshold: None,
+        moved: None,
         has_gaps: matches!(&input, Input::Frames(recording) if recording.missing() > 0),
     };
     let mut display = Display::new(config.profile.clone(), None, &config.layout)?;
@@ -166,6 +168,8 @@ struct Run {
     of_counts: bool,
     /// The contact threshold that was measured last, counts, or counts squared.
     threshold: Option<f64>,
+    /// Whether the hand moved in any calibration.
+    moved: Option<bool>,
     /// Whether the recording itself says that values are not there.
     has_gaps: bool,
 }
@@ -197,6 +201,8 @@ impl Run {
         let Felt { measured, force, .. } = *felt;
         self.counts.take(image);
         self.of_counts = measured.is_some();
+        let moves = measured.map(|measured| measured.moved);
+        self.moved = self.moved.max(moves);
         if self.of_counts && !force.calibrating {
             self.threshold = Some(force.threshold);
         }
@@ -243,6 +249,8 @@ impl Run {
         }
         if args.json {
             let mut object = json!(self.counts);
+            object["threshold"] = json!(self.threshold);
+            object["moved"] = json!(self.moved);
             object["out"] = args.out.display().to_string().into();
             object["width"] = config.layout.width.into();
             object["height"] = config.layout.height.into();

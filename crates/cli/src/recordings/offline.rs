@@ -289,7 +289,7 @@ impl OfflineArgs {
         }
         if moved {
             remark!(
-                "taxel: {}: the hand moved while it was calibrated: it rests as in the quieter half of that time; begin with \
+                "taxel: {}: the hand moved while it was calibrated, or was touched: it rests as in the quieter half of that time; begin with \
                  a hand that is still, or shorten conditioning.calibration_ms in a file for --config",
                 self.input.name()
             );

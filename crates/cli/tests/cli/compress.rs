@@ -2,7 +2,7 @@
 
 use crate::{config, fails, succeeds};
 use ndarray::{Array2, Array3};
-use serde_json::Value;
+use serde_json::{Value, json};
 use std::path::{Path, PathBuf};
 use taxel_can::SourceAddress;
 use taxel_wire::{Body, HEADER_LEN, ImageView, ReadError, Subscriber, decode};
@@ -207,19 +207,33 @@ fn the_threshold_of_counts_is_named_and_a_hand_that_moves_while_it_is_measured()
         });
         ndarray_npy::write_npy(dir.path().join(file), &counts).unwrap();
         let args = [
-            "compress", file, "--layout", "grid:4x4", "--rate", "60", "--out", "o.npz",
+            "compress", file, "--layout", "grid:4x4", "--rate", "60", "--out", "o.npz", "--json",
         ];
-        let (_, err) = succeeds(&dir, &args);
+        let (out, err) = succeeds(&dir, &args);
         assert!(
             err.contains(" while calibrating, contact above 10 counts\n"),
             "{err}"
         );
         assert_eq!(
-            err.contains("moved.npy: the hand moved while it was calibrated"),
+            err.contains("moved.npy: the hand moved while it was calibrated, or was touched"),
             moves,
             "{err}"
         );
+        let object: Value = serde_json::from_str(&out).unwrap();
+        assert_eq!(
+            (object["threshold"].as_f64(), &object["moved"]),
+            (Some(10.0), &json!(moves)),
+            "{out}"
+        );
     }
+    let magnitudes = Array3::<f32>::zeros((2, 4, 4));
+    ndarray_npy::write_npy(dir.path().join("forces.npy"), &magnitudes).unwrap();
+    let (out, _) = succeeds(&dir, &["compress", "forces.npy", "--out", "o.npz", "--json"]);
+    let object: Value = serde_json::from_str(&out).unwrap();
+    assert!(
+        object["threshold"].is_null() && object["moved"].is_null(),
+        "{out}"
+    );
 }
 
 #[test]
@@ -235,7 +249,7 @@ fn magnitudes_are_contacts_above_the_threshold() {
     assert!(err.contains("2 images of 4x5, 1 with contact"), "{err}");
     let text = std::fs::read_to_string(dir.path().join("grid.jsonl")).unwrap();
     let last: Value = serde_json::from_str(text.lines().last().unwrap()).unwrap();
-    assert_eq!(last["levels"], serde_json::json!(vec![50.0; 8]));
+    assert_eq!(last["levels"], json!(vec![50.0; 8]));
     assert_eq!(
         (
             last["actuators"][0]["x"].as_u64(),
