@@ -298,13 +298,15 @@ impl Seen {
         self.history.see(header.t_ns, forces, self.strongest());
     }
 
+    /// Whether forces were made of counts: magnitudes have no unit that anybody knows.
+    fn has_counts(&self) -> bool {
+        let unit = self.hello.as_ref().map(|hello| &hello.force_unit);
+        unit.is_some_and(|unit| !unit.is_empty())
+    }
+
     /// Bits of one raw frame, and of what its image tells a display.
     fn bits_per_frame(&self) -> (f64, f64) {
-        let has_counts = self
-            .hello
-            .as_ref()
-            .is_some_and(|hello| !hello.force_unit.is_empty());
-        let axes = if has_counts { 3.0 } else { 1.0 };
+        let axes = if self.has_counts() { 3.0 } else { 1.0 };
         let taxels = self.hand.as_ref().map_or(0, |hand| hand.len());
         let raw = taxels as f64 * axes * RAW_BITS;
         let image = self.hello.as_ref().map_or(0.0, |hello| {
@@ -436,6 +438,7 @@ impl Seen {
             contact_ratio: of_images(self.in_contact),
             most_contacts: self.most_contacts,
             most_actuators: self.most_actuators,
+            has_baseline: self.has_counts(),
             calibrating: self.newest.calibrating,
             calibrated_s: self.calibrated_ns.map(since_began_s),
             paused: self.status.as_ref().map(|_| self.paused),

@@ -36,6 +36,9 @@ pub struct Summary {
     pub most_contacts: u32,
     /// The most actuators that press in one image.
     pub most_actuators: usize,
+    /// Whether forces are above a baseline that is measured: not where they are magnitudes.
+    #[serde(skip)]
+    pub(crate) has_baseline: bool,
     /// Whether the baseline is measured still.
     pub calibrating: bool,
     /// When that was done, seconds from the start, below 0 before it; `None` while it is measured, and where it was before
@@ -111,13 +114,14 @@ impl fmt::Display for Summary {
             }
         )?;
         let calibrated = match self.calibrated_s {
-            _ if self.calibrating => "still calibrating".into(),
-            Some(s) if s >= 0.0 => format!("calibrated {s:.1} s after the start"),
-            _ => "calibrated before the start".into(),
+            _ if !self.has_baseline => String::new(),
+            _ if self.calibrating => "still calibrating; ".into(),
+            Some(s) if s >= 0.0 => format!("calibrated {s:.1} s after the start; "),
+            _ => "calibrated before the start; ".into(),
         };
         writeln!(
             f,
-            "taxels     {calibrated}; {} missing and {} faulty at the end",
+            "taxels     {calibrated}{} missing and {} faulty at the end",
             self.missing, self.faulty
         )?;
         if let Some(known_ratio) = self.joints_known_ratio {

@@ -181,6 +181,10 @@ fn of_magnitudes_no_counts_are_told_nor_a_unit_and_no_more_data_than_there_is() 
     let (told, _) = succeeds(&dir, &args);
     // 16 bits a taxel, 30 times a second.
     assert!(told.contains("data       1.9 kbit/s raw"), "{told}");
+    assert!(
+        told.contains("taxels     0 missing and 0 faulty") && !told.contains("calibrat"),
+        "{told}"
+    );
     let picture = ["--svg", "v.svg", "--size", "120x40", "--seconds", "0.51"];
     succeeds(&dir, &[&args[..], &picture].concat());
     let svg = std::fs::read_to_string(dir.path().join("v.svg")).unwrap();
