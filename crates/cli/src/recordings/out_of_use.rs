@@ -48,7 +48,8 @@ impl OutOfUse {
         for fault in Fault::ALL {
             let count = self.faults.iter().filter(|faults| faults.contains(fault)).count();
             if count > 0 {
-                reasons.push(format!("{count} {}", in_words(fault)));
+                let are_most = 2 * count > self.faults.len();
+                reasons.push(format!("{count} {}", in_words(fault, are_most)));
             }
         }
         let refused = self.refused.iter().filter(|refused| **refused).count();
@@ -74,11 +75,12 @@ impl OutOfUse {
     }
 }
 
-/// What taxels with this fault are.
-fn in_words(fault: Fault) -> &'static str {
+/// What taxels with this fault are, where they are most of all or not.
+fn in_words(fault: Fault, are_most: bool) -> &'static str {
     match fault {
         Fault::Dead => "dead (0 or 65535 on every axis)",
         Fault::Stuck => "stuck (not changed by one count; in use from the first change on)",
+        Fault::Noisy if are_most => "noisy (jumping to and fro)",
         Fault::Noisy => "noisy (far more so than the others)",
         Fault::Wrapping => "wrapping around more often than a press explains",
         Fault::PaperRule => "flagged by the publication's rule",
@@ -118,5 +120,14 @@ mod tests {
                  1 noisy (far more so than the others), 1 with a force that is not a number from 1e-38 to 1e38"
             )
         );
+        // There are no others where it is all of them.
+        let mut all = OutOfUse::default();
+        frame
+            .faults
+            .iter_mut()
+            .for_each(|faults| faults.insert(Fault::Noisy));
+        all.take(&frame);
+        let told = all.sentence("images").unwrap();
+        assert!(told.contains("3 noisy (jumping to and fro)"), "{told}");
     }
 }
