@@ -246,6 +246,26 @@ fn a_recording_of_others_is_told_by_its_topics_also_where_ours_have_their_names(
 }
 
 #[test]
+fn what_has_nothing_in_it_is_not_advised_to_be_converted() {
+    let dir = TempDir::new().unwrap();
+    // Head, end of the data and foot, without a summary.
+    let magic = b"\x89MCAP0\r\n";
+    let head = [&[1, 8, 0, 0, 0, 0, 0, 0, 0], &[0; 8][..]].concat();
+    let end = [&[15, 4, 0, 0, 0, 0, 0, 0, 0], &[0; 4][..]].concat();
+    let foot = [&[2, 20, 0, 0, 0, 0, 0, 0, 0], &[0; 20][..]].concat();
+    let file = [&magic[..], &head, &end, &foot, magic].concat();
+    std::fs::write(dir.path().join("empty.mcap"), file).unwrap();
+    for args in [
+        &["convert", "empty.mcap", "empty.npz"][..],
+        &["compress", "empty.mcap", "--out", "images.npz"],
+    ] {
+        let err = fails(&dir, args, 1);
+        let told = "empty.mcap: no tactile frames of a daemon and no CAN traffic in it\n";
+        assert!(err.ends_with(told), "{err}");
+    }
+}
+
+#[test]
 fn the_shortest_touch_is_named_where_others_lose_frames() {
     let dir = tempfile::tempdir().unwrap();
     for (name, frames, force) in [("a", 12, 1.0), ("b", 12, 1.5), ("brief", 5, 9.0), ("d", 12, 9.5)] {

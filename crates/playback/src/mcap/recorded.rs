@@ -1,5 +1,6 @@
 //! An MCAP recording as an input: the frames and images that the daemon made, and the marks in between.
 
+use crate::head::Head;
 use anyhow::bail;
 use std::path::Path;
 use taxel_hand::{TactileImage, plural};
@@ -15,40 +16,44 @@ const MOST_TOPICS: usize = 8;
 
 /// The tactile frames that the daemon made, counts and joint angles, from the first in which a taxel has a value.
 pub fn frames(path: &Path) -> anyhow::Result<Recording> {
-    let of_ours = format!(
-        "no tactile frames of a daemon in it; of CAN traffic `taxel convert {} {}` makes some",
-        path.display(),
-        path.with_extension("npz").display()
-    );
-    frames_and_wall_marks(path, &nothing_in(path, of_ours)?).map(|(recording, ..)| recording)
+    let of_ours = || {
+        Ok(match Head::read(path)?.has_can {
+            true => format!(
+                "no tactile frames of a daemon in it; of CAN traffic `taxel convert {} {}` makes some",
+                path.display(),
+                path.with_extension("npz").display()
+            ),
+            false => "no tactile frames of a daemon and no CAN traffic in it".into(),
+        })
+    };
+    frames_and_wall_marks(path, || nothing_in(path, of_ours)).map(|(recording, ..)| recording)
 }
 
 /// What a recording without frames has instead: the topics of one that no recorder of ours made, whatever they are called, or
 /// else `of_ours`.
-fn nothing_in(path: &Path, of_ours: String) -> anyhow::Result<String> {
+fn nothing_in(path: &Path, of_ours: impl FnOnce() -> anyhow::Result<String>) -> anyhow::Result<String> {
     let reader = RecordingReader::open(path, &[])?;
     let topics = reader.topics();
     let is_ours = [Topic::Can, Topic::Frames, Topic::Hello].map(|topic| reader.may_hold(topic));
     let first: Vec<&str> = topics.iter().take(MOST_TOPICS).map(String::as_str).collect();
     let more = if topics.len() > MOST_TOPICS { ", .." } else { "" };
     let are_others = !topics.is_empty() && is_ours == [false; 3];
-    Ok(match are_others {
-        true => format!(
+    match are_others {
+        true => Ok(format!(
             "no frames and no CAN traffic of `taxel record` in it; there is {}{more}. In Python, mcap_ros2.reader.read_ros2_messages reads \
              what is ROS 2's, mcap.reader.make_reader the rest, and numpy.savez(\"grasp.npz\", counts=.., t_ns=..) makes a \
              recording",
             first.join(", ")
-        ),
-        false => of_ours,
-    })
+        )),
+        false => of_ours(),
+    }
 }
 
 /// The tactile frames that the daemon made, and the marks that people and programs made meanwhile; times of both begin with
 /// the first frame. What was marked last before it holds when it comes, and is marked there.
 pub fn frames_and_marks(path: &Path) -> anyhow::Result<(Recording, Vec<Mark>)> {
-    let of_ours = "no tactile frames in it, from the first of which marks are counted";
-    let nothing = nothing_in(path, of_ours.into())?;
-    let (recording, mut marks, began_ns) = frames_and_wall_marks(path, &nothing)?;
+    let of_ours = || Ok("no tactile frames in it, from the first of which marks are counted".into());
+    let (recording, mut marks, began_ns) = frames_and_wall_marks(path, || nothing_in(path, of_ours))?;
     marks.sort_by_key(|mark| mark.t_ns);
     let early = marks.partition_point(|mark| mark.t_ns < began_ns);
     if early > 0 {
@@ -72,7 +77,10 @@ pub fn frames_and_marks(path: &Path) -> anyhow::Result<(Recording, Vec<Mark>)> {
 
 /// The frames, their times from the first; marks on the wall clock, in the order of the file; and when the first frame was
 /// on that clock, nanoseconds. It is an error that no frame is in a file: `nothing` says so where it is whole.
-fn frames_and_wall_marks(path: &Path, nothing: &str) -> anyhow::Result<(Recording, Vec<Mark>, u64)> {
+fn frames_and_wall_marks(
+    path: &Path,
+    nothing: impl FnOnce() -> anyhow::Result<String>,
+) -> anyhow::Result<(Recording, Vec<Mark>, u64)> {
     let name = path.display().to_string();
     let mut reader = RecordingReader::open(path, &[Topic::Frames, Topic::Events, Topic::Hello])?;
     let (mut counts, mut times_ns, mut joints) = (Vec::new(), Vec::new(), Vec::new());
@@ -126,7 +134,7 @@ fn frames_and_wall_marks(path: &Path, nothing: &str) -> anyhow::Result<(Recordin
     }
     let (Some((taxels, _)), Some(began_ns)) = (size, began_ns) else {
         match (before, reader.left_out().is_empty()) {
-            (0, true) => bail!("{name}: {nothing}"),
+            (0, true) => bail!("{name}: {}", nothing()?),
             (0, false) => bail!("{name}: nothing of it could be read"),
             _ => bail!("{name}: {}", silent(before)),
         }
