@@ -232,9 +232,6 @@ fn calibrated_event(now: &Snapshot) -> Event {
     if threshold == 0.0 {
         text += &format!(": {ANY_CHANGE_IS_CONTACT}");
     }
-    if now.moved {
-        text += "; the hand moved meanwhile, and rests as in the quieter half of that time: `taxel rezero` measures it again";
-    }
     Event::new(EventKind::Calibrated, text)
 }
 
@@ -298,6 +295,7 @@ fn report_problems(state: &State, now: &Snapshot, joints: Option<&JointsView>, b
         buses: &buses,
         boards: &now.boards,
         findings: &now.findings,
+        moved: now.moved,
         unchanging: &now.unchanging,
         joints,
         boards_due,

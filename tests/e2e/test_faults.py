@@ -4,11 +4,13 @@ when its cause is.
 The same on real SocketCAN, with the kernel's own states, is in tests/vcan/test_faults.py.
 """
 
+import subprocess
 import time
 import tomllib
 
+import numpy as np
 import pytest
-from harness.daemon import kinds, problem
+from harness.daemon import binary, kinds, problem
 from harness.hand import LAYOUTS
 
 FREE_RUNNING = {"tick": {"mode": "timer", "rate_hz": 30.0}, "boards": {"mode": "free-running"}, "sweep": {}}
@@ -134,6 +136,19 @@ def test_a_healthy_hand_has_no_problems(start, simulate):
     end = time.monotonic() + 3
     while time.monotonic() < end:
         assert kinds(daemon.status()) == []
+
+
+def test_a_hand_that_moves_while_its_baseline_is_measured_is_told_until_that_is_done_anew(start, folder):
+    t, taxel, axis = np.indices((3000, 16, 3))
+    moved = 3 * np.clip(t, 50, 90)  # the last second of the window, and still from then on
+    np.save(folder / "moved.npy", (20_000 + (7 * t + 5 * taxel + 3 * axis) % 4 + moved).astype(np.uint16))
+    convert = [binary("taxel"), "convert", "moved.npy", "moved.log", "--layout", "uskin-module", "--rate", "60"]
+    subprocess.run(convert, cwd=folder, check=True, capture_output=True)
+    daemon = start([f"log:{folder / 'moved.log'}"], layout="uskin-module")
+    status = daemon.wait_status(lambda s: "baseline-moved" in kinds(s), "nothing is said of it")
+    assert "`taxel rezero` when nothing touches the hand" in problem(status, "baseline-moved")["sentence"]
+    daemon.control("rezero")
+    daemon.wait_status(lambda s: "baseline-moved" not in kinds(s), "it is never over")
 
 
 @pytest.mark.parametrize(

@@ -1,4 +1,4 @@
-//! Contacts that go on without a change: whoever wears the display is pressed all the while.
+//! Contacts that may be none: of a hand that moved while its baseline was measured, or that go on without a change.
 
 use crate::kind::Kind;
 use crate::names::some_of;
@@ -6,6 +6,16 @@ use crate::problem::{Place, Problem};
 use crate::view::Look;
 
 pub(crate) fn judge(look: &Look<'_>, found: &mut Vec<Problem>) {
+    if look.view.moved {
+        found.push(Problem::new(
+            Kind::BaselineMoved,
+            Place::Skin,
+            "the hand moved, or was touched, while its baseline was measured: it rests as in the quieter half of that time, and \
+             may show contacts that are none, or miss some",
+            "`taxel rezero` when nothing touches the hand and it is still",
+            "the baseline was measured of a hand that is still",
+        ));
+    }
     let layout = look.setup.layout;
     let unchanging = |module: usize| {
         let taxels = layout.modules[module].taxel_range();

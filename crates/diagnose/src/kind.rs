@@ -91,6 +91,8 @@ kinds! {
     BoardOnOtherBus "board-on-other-bus" Error,
     /// A board is not in the layout.
     BoardNotInLayout "board-not-in-layout" Warning,
+    /// The hand moved, or was touched, while its baseline was measured.
+    BaselineMoved "baseline-moved" Warning,
     /// Taxels are in contact without a change for minutes.
     ContactUnchanging "contact-unchanging" Warning,
     /// The servos' port cannot be opened.

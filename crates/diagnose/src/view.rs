@@ -35,6 +35,8 @@ pub struct HandView<'a> {
     pub boards: &'a [BoardStatus],
     /// What the traffic shows.
     pub findings: &'a [Finding],
+    /// Whether the hand moved while its baseline was measured (`CalibrationReport::moved`).
+    pub moved: bool,
     /// Of each taxel, whether it is in contact without a change for long (`Conditioner::is_unchanging`).
     pub unchanging: &'a [bool],
     /// The joints; `None` where none are read.

@@ -325,6 +325,8 @@ impl HandListener<'_> {
             buses: &buses,
             boards: &boards,
             findings: self.engine.bus_monitor().findings(),
+            // Told by the check `touch`; there is no daemon that could measure it again.
+            moved: false,
             unchanging: &unchanging,
             joints: None,
             boards_due,

@@ -141,3 +141,19 @@ fn what_comes_and_goes_fast_is_told_six_times_a_minute_at_most_behind_the_first_
         );
     }
 }
+
+#[test]
+fn a_hand_that_moved_while_its_baseline_was_measured_is_told_until_that_is_done_anew() {
+    let mut bench = Bench::new();
+    bench.pass(3000, |s| s.moved = true);
+    assert_eq!(bench.kinds(), ["baseline-moved"]);
+    let [said] = &bench.said[..] else {
+        panic!("{:?}", bench.said);
+    };
+    assert!(
+        sentence(said).contains("; `taxel rezero` when nothing touches the hand"),
+        "{said:?}"
+    );
+    bench.pass(20_000, |s| s.moved = false);
+    assert_eq!((bench.kinds(), bench.said.len()), (vec![], 2), "{:?}", bench.said);
+}

@@ -77,6 +77,7 @@ fn judged(facts: &HandFacts) -> Vec<NotedProblem> {
         buses: &buses,
         boards: &facts.boards,
         findings: &facts.findings,
+        moved: false,
         unchanging: &vec![false; layout.len()],
         joints: None,
         boards_due: true,
