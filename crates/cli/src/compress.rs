@@ -32,7 +32,7 @@ use taxeld::Config;
 ///
 /// A candump log gives images at the configuration's tick (30 Hz unless --config says otherwise), raw counts one image
 /// per recorded frame; with --config, those of a hand with boards are sampled at its tick, unless that has mode =
-/// "sweep". All begin with the calibration window (conditioning.calibration_ms), in which images are empty.
+/// "sweep". All begin with the calibration window (--calibration-ms), in which images are empty.
 ///
 /// OUT tells the format: .npz (images T x H x W u8, levels, actuators, seq, t_ns, contacts, faulty,
 /// missing, and joints where any are read; a row of actuators is id, x, y, level, force, and NaN where none presses), .npy and .csv (images alone), .jsonl (the objects of `taxel watch --json`,
@@ -290,7 +290,7 @@ impl Run {
         } else if calibrating == images {
             remark!(
                 "taxel: every image is empty, since the recording ends within the calibration of {} ms; shorten it \
-                 with conditioning.calibration_ms in a file for --config",
+                 with --calibration-ms",
                 config.conditioning.calibration_ms
             );
         } else if with_missing > 0 {

@@ -52,6 +52,10 @@ pub(crate) struct OfflineArgs {
     /// configuration's, or else that of the method]
     #[arg(long, value_name = "PRESET", value_parser = preset_parser(), hide_possible_values = true)]
     pub(crate) conditioning: Option<Preset>,
+    /// Counts only: so much of the beginning is taken for a hand at rest, milliseconds [default: conditioning.calibration_ms
+    /// of the configuration, or else 1500]
+    #[arg(long, value_name = "MS", value_parser = clap::value_parser!(u64).range(1..=600_000))]
+    calibration_ms: Option<u64>,
     /// CAN traffic only: an interface of the recording and the bus of the layout that it is, such as vcan0=can0; the
     /// bus of an Allegro hand is called joints
     #[arg(long, value_name = "NAME=BUS", value_parser = pair)]
@@ -158,6 +162,8 @@ impl OfflineArgs {
 
     fn fit_display(&self, config: &mut Config) {
         config.profile = self.fitted(std::mem::take(&mut config.profile));
+        let stated = &mut config.stated_conditioning.calibration_ms;
+        *stated = self.calibration_ms.or(*stated);
         config.set_method(config.profile.method, self.conditioning);
     }
 
@@ -201,9 +207,16 @@ impl OfflineArgs {
                 "--threshold {threshold} is for magnitudes; counts have their threshold measured in calibration"
             );
         }
-        if self.conditioning.is_some() && held == Held::Magnitudes {
+        let of_counts = [
+            (self.conditioning.is_some(), "--conditioning"),
+            (self.calibration_ms.is_some(), "--calibration-ms"),
+        ];
+        if let Some((_, option)) = of_counts
+            .iter()
+            .find(|(given, _)| *given && held == Held::Magnitudes)
+        {
             bail!(
-                "--conditioning is for counts; {} holds magnitudes, which are forces already",
+                "{option} is for counts; {} holds magnitudes, which are forces already",
                 self.input.path.display()
             );
         }
@@ -229,6 +242,7 @@ impl OfflineArgs {
             (as_it_is && self.threshold.is_some(), "--threshold"),
             (as_it_is && self.release.is_some(), "--release"),
             (as_it_is && self.conditioning.is_some(), "--conditioning"),
+            (as_it_is && self.calibration_ms.is_some(), "--calibration-ms"),
         ];
         match given.into_iter().find(|(is_given, _)| *is_given) {
             Some((_, option)) => bail!("{what}: {option} says nothing about it; leave it out"),
@@ -290,7 +304,7 @@ impl OfflineArgs {
         if moved {
             remark!(
                 "taxel: {}: the hand moved while it was calibrated, or was touched: it rests as in the quieter half of that time; begin with \
-                 a hand that is still, or shorten conditioning.calibration_ms in a file for --config",
+                 a hand that is still, or measure for less time with --calibration-ms",
                 self.input.name()
             );
         }

@@ -226,6 +226,23 @@ fn the_threshold_of_counts_is_named_and_a_hand_that_moves_while_it_is_measured()
             "{out}"
         );
     }
+    // It moves from 0.83 s on.
+    let briefly = [
+        "compress",
+        "moved.npy",
+        "--layout",
+        "grid:4x4",
+        "--rate",
+        "60",
+        "--out",
+        "o.npz",
+    ];
+    let briefly = [&briefly[..], &["--calibration-ms", "700"]].concat();
+    let (_, err) = succeeds(&dir, &briefly);
+    assert!(
+        err.contains(", 46 while calibrating, contact above") && !err.contains("moved while"),
+        "{err}"
+    );
     let magnitudes = Array3::<f32>::zeros((2, 4, 4));
     ndarray_npy::write_npy(dir.path().join("forces.npy"), &magnitudes).unwrap();
     let (out, _) = succeeds(&dir, &["compress", "forces.npy", "--out", "o.npz", "--json"]);
@@ -233,6 +250,22 @@ fn the_threshold_of_counts_is_named_and_a_hand_that_moves_while_it_is_measured()
     assert!(
         object["threshold"].is_null() && object["moved"].is_null(),
         "{out}"
+    );
+    let err = fails(
+        &dir,
+        &[
+            "compress",
+            "forces.npy",
+            "--out",
+            "o.npz",
+            "--calibration-ms",
+            "700",
+        ],
+        1,
+    );
+    assert!(
+        err.contains("--calibration-ms is for counts; forces.npy holds magnitudes"),
+        "{err}"
     );
 }
 

@@ -24,7 +24,7 @@ macro_rules! settings {
         pub struct ConditionSettings {
             /// What the keys that are absent are; without it, what belongs to `method` of `[profile]`.
             pub preset: Option<Preset>,
-            $( $name: Option<$kind>, )*
+            $( $(#[doc = $doc])* pub $name: Option<$kind>, )*
         }
 
         impl ConditionSettings {
