@@ -120,6 +120,18 @@ def test_what_was_not_begun_when_its_connection_made_room_is_asked_for_again_but
         control.pause()
 
 
+def test_motors_are_switched_off_in_a_block_also_when_its_connection_has_made_room(daemon, control_of):
+    answers = [{"ok": True}, {"ok": False, "error": "it made room", "ask_again": True}]
+    with control_of(daemon.control) as control:
+        daemon.answer = lambda _: answers.pop(0) if answers else {"ok": True}
+        for joint in ("left", "right", "thumb"):
+            control.torque(joint, False)
+        with pytest.raises(ConnectionError, match="control.sock"):
+            control.torque("left", True)
+    asked = [request["joint"] for request in daemon.requests]
+    assert asked == ["left", "right", "right", "thumb"]
+
+
 def test_a_restart_ends_the_block_s_connection(daemon, control_of):
     with control_of(daemon.control) as control:
         control.torque("left", True, hold_ms=10_000)

@@ -179,7 +179,15 @@ class Control:
         held = self._held
         line = requests.encode(request, held is not None)
         if held:
-            return requests.decode(await held.ask(request, line), held.path)
+            is_off = requests.is_off(request)
+            try:
+                reply = await held.ask(request, line)
+            except ConnectionError:
+                if not is_off:
+                    raise
+                reply = b""
+            if not is_off or (reply and not requests.is_to_be_asked_again(reply)):
+                return requests.decode(reply, held.path)
         for _ in range(requests.TRIES):
             place = requests.place(self.path, request)
             with contextlib.closing(await _Connection.to(place, self.timeout)) as connection:

@@ -20,7 +20,7 @@ class Control:
     TimeoutError where it does not answer within `timeout` seconds.
 
     Used as a context, all requests go over one connection, from any thread, and motors can be held (`torque`). One that
-    was not answered ends it.
+    was not answered ends it; motors can be switched off all the same, over other connections.
     """
 
     def __init__(self, path: Optional[Path] = None, timeout: float = 10.0) -> None:
@@ -99,7 +99,15 @@ class Control:
         held = self._held
         line = requests.encode(request, held is not None)
         if held:
-            return requests.decode(held.ask(request, line), held.path)
+            is_off = requests.is_off(request)
+            try:
+                reply = held.ask(request, line)
+            except ConnectionError:
+                if not is_off:
+                    raise
+                reply = b""
+            if not is_off or (reply and not requests.is_to_be_asked_again(reply)):
+                return requests.decode(reply, held.path)
         for _ in range(requests.TRIES):
             with contextlib.closing(_Connection(requests.place(self.path, request), self.timeout)) as connection:
                 reply = connection.ask(request, line)

@@ -315,7 +315,10 @@ class FakeDaemon:
         with client:
             with contextlib.suppress(OSError):
                 for line in self._asked(client):
-                    client.sendall(json.dumps(self._answered(client, line)).encode() + b"\n")
+                    answer = self._answered(client, line)
+                    client.sendall(json.dumps(answer).encode() + b"\n")
+                    if answer.get("ask_again"):  # it has made room
+                        break
             with self._changed:
                 self._askers.discard(client)
                 for joint in [joint for joint, (holder, _) in self._holds.items() if holder is client]:

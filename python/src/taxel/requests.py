@@ -53,6 +53,11 @@ def encode(request: Dict[str, Any], is_held: bool) -> bytes:
     return json.dumps(plain(request)).encode() + b"\n"
 
 
+def is_off(request: Dict[str, Any]) -> bool:
+    """Whether it has a motor switched off, which depends on no connection and may be asked for twice."""
+    return request.keys() == {"cmd", "joint", "torque"} and not request["torque"]
+
+
 def is_to_be_asked_again(reply: bytes) -> bool:
     """Whether the connection had to make room for another, and nothing was begun that must not be done twice."""
     return b'"ask_again"' in reply and json.loads(reply).get("ask_again") is True
