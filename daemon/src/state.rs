@@ -120,6 +120,11 @@ impl State {
         crate::joints::write(self.config.joints.as_ref(), hold, request).await
     }
 
+    /// Has a servo's motor switched off for a client that does not wait for it.
+    pub(crate) fn release(&self, request: &ServoRequest, hold: &Hold<'_>) -> Result<(), String> {
+        crate::joints::release(self.config.joints.as_ref(), hold, request)
+    }
+
     /// Has several servos told something at once for a client.
     pub(crate) async fn write_together(
         &self,

@@ -214,6 +214,8 @@ def test_whoever_makes_room_has_all_motors_switched_off_that_were_to_be(folder):
         assert json.loads(said[-1])["ask_again"], said
         for n in range(2, 9):
             eventually(lambda n=n: servos.register(n, *TORQUE) == 0, f"the motor of {n} is on")
+            # Whoever asked is told nothing of what had come with that line.
+            eventually(lambda n=n: f"torque of joint {n} is off" in daemon.log, "the log does not say so")
     servos.close()
 
 

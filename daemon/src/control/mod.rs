@@ -193,7 +193,7 @@ impl Talk<'_> {
         for line in line.split(|byte| *byte == b'\n') {
             let request = Request::parse(line);
             if self.releases(&request)
-                && let Ok(request) = request
+                && let Ok(request) = &request
             {
                 release(request, self.state, &self.asker, &self.hold);
             }

@@ -6,9 +6,7 @@ use crate::state::State;
 use crate::supervise::report_releases;
 use serde::{Deserialize, Serialize};
 use serde_json::{Value, json};
-use std::pin::pin;
 use std::rc::Rc;
-use std::task::{Context, Waker};
 use taxel_hand::{FromMap, Profile};
 use taxel_joints::JointsConfig;
 use taxel_wire::json_in_words;
@@ -183,26 +181,31 @@ pub(super) async fn answer(request: Request, state: &State, asker: &Asker, hold:
     reply
 }
 
-/// Has a motor switched off, and says so in the log; whether its servo confirms it is not waited for.
-pub(super) fn release(request: Request, state: &State, asker: &Asker, hold: &Hold<'_>) {
-    let joint = match request.switched_motor() {
-        Some((joint, false)) => joint.to_owned(),
-        _ => return,
+/// Has a motor switched off for a client that is told nothing of it any more: the log says so, and whether its servo has
+/// confirmed it, which is not waited for.
+pub(super) fn release(request: &Request, state: &State, asker: &Asker, hold: &Hold<'_>) {
+    let Request::Servo(servo) = request else {
+        return;
     };
-    // The servo's thread has it once this was polled.
-    let mut context = Context::from_waker(Waker::noop());
-    if pin!(answer(request, state, asker, hold))
-        .poll(&mut context)
-        .is_pending()
-    {
-        let change = Change {
-            kind: "a servo command",
-            refused: false,
-        };
-        let said = format!(
-            "joints: torque of {joint} is to be off; whoever asked for it had to make room meanwhile"
-        );
-        (state.changes).note_motor(change, (&joint, false), &said, asker, Instant::now());
+    let released = state.release(servo, hold);
+    let (kind, now) = ("a servo command", Instant::now());
+    let change = Change {
+        kind,
+        refused: released.is_err(),
+    };
+    match (released, request.switched_motor()) {
+        (Ok(()), Some(motor)) => {
+            let (joint, _) = motor;
+            let said = format!(
+                "joints: torque of {joint} is to be off; whoever asked for it had to make room meanwhile"
+            );
+            state.changes.note_motor(change, motor, &said, asker, now);
+        }
+        (Err(why), _) => {
+            let said = format!("refused: {kind}: {why}");
+            state.changes.note(change, &said, asker, now);
+        }
+        _ => {}
     }
 }
 

@@ -10,4 +10,4 @@ mod write;
 pub(crate) use hold::{Deserted, Hold, Holders, NotDone};
 pub(crate) use releases::Releases;
 pub(crate) use status::{status, summary};
-pub(crate) use write::{ServoRequest, ServosRequest, Told, write, write_together};
+pub(crate) use write::{ServoRequest, ServosRequest, Told, release, write, write_together};

@@ -28,6 +28,11 @@ impl Releases {
         self.put(joint, number, "", true);
     }
 
+    /// A motor is switched off, and whoever asked for it is told nothing any more.
+    pub(super) fn left(&self, joint: usize, number: u64) {
+        self.put(joint, number, "", false);
+    }
+
     /// A motor is switched off since who held it is gone.
     pub(super) fn let_go(&self, joint: usize, number: u64) {
         self.put(joint, number, ", since who held it is gone", false);

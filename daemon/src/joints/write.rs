@@ -190,6 +190,22 @@ pub(crate) async fn write(
     Ok(Told { said, warning })
 }
 
+/// Has a servo told something, by a request to switch its motor off, and does not wait for it: what becomes of that is noted
+/// among the releases of `hold`.
+pub(crate) fn release(
+    config: Option<&JointsConfig>,
+    hold: &Hold<'_>,
+    request: &ServoRequest,
+) -> Result<(), String> {
+    let (config, servos) = servos(config, hold.reader)?;
+    let (joint, command) = command(config, request)?;
+    let number = (servos.command(joint, command))
+        .map_err(|refused| format!("{}: {}", request.joint, why_not(servos, refused)))?;
+    hold.note(joint, command, request.hold_ms);
+    hold.releases.left(joint, number);
+    Ok(())
+}
+
 /// Has several servos given their PWM in one packet, and waits until each has confirmed it.
 pub(crate) async fn write_together(
     config: Option<&JointsConfig>,
