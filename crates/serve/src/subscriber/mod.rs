@@ -5,13 +5,15 @@
 //! missed. It holds up neither the tick nor another subscriber: all it can block is its own task. While
 //! that task waits, the courier sends the newest image (see [`crate::lane`]).
 
+mod subscription;
+
 use crate::active_profile::{ActiveProfile, Lease};
 use crate::delivery::Delivery;
 use crate::farewell::Farewell;
 use crate::feed::Feed;
 use crate::handle::{Announcement, Packets};
 use crate::lane::Lane;
-use crate::profile_maker::{DisplayProfile, ProfileMaker};
+use crate::profile_maker::ProfileMaker;
 use crate::registry::Entry;
 use crate::sent::Sent;
 use crate::server::Server;
@@ -24,9 +26,9 @@ use std::io;
 use std::rc::Rc;
 use std::sync::Arc;
 use std::task::{Poll, ready};
-use taxel_wire::{Event, EventKind, HEADER_LEN, Subscribe, SubscribeError, Subscription};
+use subscription::{Asked, answer};
+use taxel_wire::{Event, HEADER_LEN, Subscribe, Subscription};
 use tokio::sync::{broadcast, watch};
-use tokio::task::JoinHandle;
 use tokio::time::timeout;
 
 /// Least send buffer of a subscriber's socket, bytes: it holds a part of a HELLO.
@@ -36,8 +38,6 @@ const ONLOOKER_BUFFER: usize = 32_768;
 /// Most send buffer of a subscriber that is sent every message: the usual limit for programs
 /// without privileges.
 const EVERY_BUFFER: usize = 212_992;
-/// Subscriptions in a row that a client may have refused before it is disconnected.
-const MAX_REFUSALS: u32 = 8;
 
 /// A client that was let in.
 pub(crate) struct Subscriber<'a, M: ProfileMaker> {
@@ -63,22 +63,6 @@ pub(crate) struct Subscriber<'a, M: ProfileMaker> {
     /// Announcements that come behind messages still to be sent: the tick, and the packets.
     held: VecDeque<(u64, Packets)>,
     refusals: u32,
-}
-
-/// A subscription that waits for its profile.
-struct Asked {
-    wants: Subscribe,
-    /// Whether the client asked; otherwise the profile of whoever states none has changed, of which
-    /// it is shown a region.
-    by_client: bool,
-    lease: JoinHandle<Result<Lease, String>>,
-}
-
-impl Drop for Asked {
-    /// Who is gone must not be in the way of those that ask now.
-    fn drop(&mut self) {
-        self.lease.abort();
-    }
 }
 
 /// What a subscriber's task is woken for.
@@ -252,167 +236,6 @@ impl<'a, M: ProfileMaker> Subscriber<'a, M> {
         }
     }
 
-    /// Takes a subscription; tells the client what is wrong with one that is refused.
-    async fn handle_packet(&mut self, packet: &[u8]) -> Result<(), Farewell> {
-        match Subscribe::from_packet(packet) {
-            Ok(wants) => self.ask(wants, true).await,
-            Err(
-                error @ (SubscribeError::TooLong { .. }
-                | SubscribeError::Decode(_)
-                | SubscribeError::WrongKind { .. }),
-            ) => Err(Farewell::Nonsense(error)),
-            Err(error) => self.refuse(error.to_string()).await,
-        }
-    }
-
-    /// Puts a subscription into effect, or asks for its profile first.
-    async fn ask(&mut self, wants: Subscribe, by_client: bool) -> Result<(), Farewell> {
-        let region = match self.server.profiles.region(wants.region.as_deref()) {
-            Ok(region) => region,
-            Err(reason) => return self.refuse(reason).await,
-        };
-        // Kept as the hand has it, however often the client names a part.
-        let wants = Subscribe {
-            region: region.clone(),
-            ..wants
-        };
-        if wants.profile.is_none() && region.is_none() {
-            let own = self.own.borrow_and_update().clone();
-            if let Err(reason) = self.subscribe(wants)? {
-                return self.refuse(reason).await;
-            }
-            self.give_up_lease();
-            return self.show(own).await;
-        }
-        let profile = wants.profile.clone();
-        let wanted = DisplayProfile {
-            profile: profile.unwrap_or_else(|| self.own.borrow_and_update().wanted.profile.clone()),
-            region,
-        };
-        let server = self.server.clone();
-        let instead_of = self.lease.as_ref().map(|lease| lease.profile().clone());
-        let entry = self.entry.clone();
-        let lease = tokio::task::spawn_local(async move {
-            let profiles = &server.profiles;
-            let lease = profiles.lease(wanted.clone(), instead_of.clone()).await;
-            if lease.is_ok() || !entry.is_guest() {
-                return lease;
-            }
-            // Whoever leaves for it may have the profile that is one too many.
-            entry.settled().await;
-            profiles.lease(wanted, instead_of).await
-        });
-        self.asked = Some(Asked {
-            wants,
-            by_client,
-            lease,
-        });
-        Ok(())
-    }
-
-    /// Puts the subscription that was asked for into effect, now that its profile is there; or says why not.
-    async fn handle_answer(&mut self, answer: Result<Lease, String>) -> Result<(), Farewell> {
-        let Some(asked) = self.asked.take() else {
-            return Ok(());
-        };
-        match answer {
-            Ok(lease) => {
-                let shown = lease.profile().clone();
-                if let Err(reason) = self.subscribe(asked.wants.clone())? {
-                    return self.refuse(reason).await;
-                }
-                self.give_up_lease();
-                self.lease = Some(lease);
-                self.show(shown).await
-            }
-            Err(reason) if asked.by_client => self.refuse(reason).await,
-            // It goes on with what it is shown, and is not to blame.
-            Err(reason) => self.send_event(&Event::new(EventKind::Refused, reason)).await,
-        }
-    }
-
-    /// Goes on with the profile of whoever states none after that has changed.
-    async fn follow(&mut self) -> Result<(), Farewell> {
-        if self.wants.region.is_some() {
-            return self.ask(self.wants.clone(), false).await;
-        }
-        let own = self.own.borrow_and_update().clone();
-        self.show(own).await
-    }
-
-    /// Takes what is wanted but for the profile. The inner error says why it cannot be had, and
-    /// nothing has changed then.
-    fn subscribe(&mut self, wants: Subscribe) -> Result<Result<(), String>, Farewell> {
-        let raw_delivery = Delivery::of_raw_frames(&wants);
-        if !wants.raw {
-            self.end_raw();
-        } else if self.raw.as_ref().is_none_or(|raw| raw.delivery() != raw_delivery) {
-            let profiles = &self.server.profiles;
-            match self.server.raw.open(&profiles.maker, &profiles.slots) {
-                Ok(stream) => {
-                    if self.raw.is_none() {
-                        self.raw_lane.begin(stream.newest_tick().max(self.newest_tick()));
-                    }
-                    self.raw = Some(self.server.feed(&stream, &self.raw_lane, raw_delivery));
-                }
-                Err(reason) => return Ok(Err(reason)),
-            }
-        }
-        let image_delivery = Delivery::of_images(&wants);
-        if wants.image != self.wants.image || self.images.delivery() != image_delivery {
-            self.images = self
-                .server
-                .feed(&self.shown.stream, &self.image_lane, image_delivery);
-        }
-        match (self.wants.image, wants.image) {
-            (true, false) => self.image_lane.end(self.newest_tick()),
-            (false, true) => self.image_lane.begin(self.newest_tick()),
-            _ => {}
-        }
-        if wants.status && !self.wants.status {
-            self.status.mark_unchanged();
-        }
-        self.entry.set_wants(&wants);
-        for lane in [&self.image_lane, &self.raw_lane] {
-            lane.limit_rate(wants.max_rate_hz);
-        }
-        self.wants = wants;
-        self.refusals = 0;
-        self.size_send_buffer()?;
-        Ok(Ok(()))
-    }
-
-    fn give_up_lease(&mut self) {
-        if let Some(lease) = self.lease.take() {
-            self.server.profiles.give_up(lease);
-        }
-    }
-
-    /// Shows a profile, and says so. Ticks go on being counted across a change.
-    async fn show(&mut self, shown: Rc<ActiveProfile>) -> Result<(), Farewell> {
-        if !Rc::ptr_eq(&shown, &self.shown) {
-            self.images = self
-                .server
-                .feed(&shown.stream, &self.image_lane, self.images.delivery());
-            self.image_lane.limit_rate(self.wants.max_rate_hz);
-            self.entry.set_profile(shown.id);
-            self.shown = shown;
-            if self.wants.image && self.image_lane.is_untouched() {
-                self.image_lane.begin(self.newest_tick());
-            }
-            self.size_send_buffer()?;
-        }
-        self.send_hello().await
-    }
-
-    async fn refuse(&mut self, reason: String) -> Result<(), Farewell> {
-        if self.refusals >= MAX_REFUSALS {
-            return Err(Farewell::Insists(reason));
-        }
-        self.refusals += 1;
-        self.send_event(&Event::new(EventKind::Refused, reason)).await
-    }
-
     async fn send_event(&self, event: &Event) -> Result<(), Farewell> {
         let (seq, t_ns) = self.now();
         self.send(&event.to_packet(seq, t_ns)).await
@@ -493,12 +316,4 @@ async fn receive<M: ProfileMaker>(
         Poll::Ready(Ok(buffer[..received].to_vec()))
     })
     .await
-}
-
-/// What became of the profile that was asked for.
-async fn answer(asked: &mut Option<Asked>) -> Result<Lease, String> {
-    match asked {
-        Some(asked) => (&mut asked.lease).await.unwrap_or_else(|e| Err(e.to_string())),
-        None => std::future::pending().await,
-    }
 }
