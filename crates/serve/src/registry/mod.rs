@@ -1,5 +1,8 @@
 //! Who is connected.
 
+#[cfg(test)]
+mod tests;
+
 use crate::config::Limits;
 use crate::crowding::most_crowding;
 use crate::farewell::Farewell;
@@ -7,7 +10,7 @@ use crate::log_lines::LogLines;
 use crate::sent::Sent;
 use crate::stream::OverTicks;
 use std::cell::{Cell, RefCell};
-use std::collections::HashMap;
+use std::collections::{HashMap, VecDeque};
 use std::sync::atomic::{AtomicBool, AtomicU32, Ordering::Relaxed};
 use std::sync::{Arc, Mutex, PoisonError};
 use std::time::{Duration, Instant};
@@ -22,11 +25,18 @@ const OF_LATE: Duration = Duration::from_secs(5);
 const FEWEST_GUESTS: usize = 2;
 /// Most guests at once; fewer where there are few places, since each has a file descriptor too.
 const MOST_GUESTS: usize = 8;
+/// So many processes are known that looked in last.
+const LOOKED_IN: usize = 64;
+
+/// A user and a process.
+type Process = (Option<u32>, i32);
 
 /// The subscribers of a server.
 #[derive(Debug)]
 pub(crate) struct Registry {
     entries: RefCell<Vec<Arc<Entry>>>,
+    /// Processes that were guests and left before they were settled, those of late.
+    looked_in: RefCell<VecDeque<Process>>,
     pub(crate) max: usize,
     pub(crate) stall: Duration,
     /// What all subscribers were sent since the start, those that are gone included.
@@ -96,7 +106,7 @@ impl Entry {
     }
 
     /// Its process, where the kernel tells it from others.
-    fn process(&self) -> Option<(Option<u32>, i32)> {
+    fn process(&self) -> Option<Process> {
         self.pid.map(|pid| (self.uid, pid))
     }
 
@@ -160,6 +170,7 @@ impl Registry {
     pub(crate) fn new(limits: Limits) -> Self {
         Self {
             entries: RefCell::default(),
+            looked_in: RefCell::default(),
             max: limits.max_subscribers,
             stall: Duration::from_millis(limits.stall_ms.into()),
             images: Arc::default(),
@@ -171,7 +182,8 @@ impl Registry {
     }
 
     /// Lets `new` in, as a guest where all places are taken; `false` where nobody would leave for it, or there are guests
-    /// enough. Guests too make room for those of a process that has fewer.
+    /// enough. Guests too make room for those of a process that has fewer, and those of one that has looked in before for
+    /// those of one that has not.
     pub(crate) fn enter(&self, new: &Arc<Entry>) -> bool {
         let mut entries = self.entries.borrow_mut();
         if entries.len() >= self.max {
@@ -181,7 +193,8 @@ impl Registry {
             }
             let most = (self.max / 4).clamp(FEWEST_GUESTS, MOST_GUESTS);
             if guests.len() >= most {
-                let Some(guest) = crowding(most, &guests, new) else {
+                let leaving = crowding(most, &guests, new).or_else(|| self.onlooker(&guests, new));
+                let Some(guest) = leaving else {
                     return false;
                 };
                 dismiss(&mut entries, &guest, self.too_many());
@@ -212,6 +225,20 @@ impl Registry {
         }
         // Last: who leaves is woken first, and gives its profile back before the guest asks for one again.
         guest.guest.send_replace(false);
+        let mut looked_in = self.looked_in.borrow_mut();
+        looked_in.retain(|process| guest.process() != Some(*process));
+    }
+
+    /// The oldest of these guests that is of a process which has looked in before, where `new` is of none.
+    fn onlooker(&self, guests: &[Arc<Entry>], new: &Entry) -> Option<Arc<Entry>> {
+        let looked_in = self.looked_in.borrow();
+        let has_looked_in = |entry: &Entry| {
+            entry
+                .process()
+                .is_some_and(|process| looked_in.contains(&process))
+        };
+        let mut onlookers = guests.iter().filter(|guest| has_looked_in(guest));
+        onlookers.next().filter(|_| !has_looked_in(new)).cloned()
     }
 
     /// Who of those that have a place leaves for `new`: the oldest that is shown nothing of the hand, or else the oldest of
@@ -232,7 +259,19 @@ impl Registry {
     }
 
     pub(crate) fn remove(&self, entry: &Arc<Entry>) {
-        self.entries.borrow_mut().retain(|e| !Arc::ptr_eq(e, entry));
+        let mut entries = self.entries.borrow_mut();
+        let Some(at) = entries.iter().position(|other| Arc::ptr_eq(other, entry)) else {
+            return;
+        };
+        entries.remove(at);
+        if let Some(process) = entry.process().filter(|_| entry.is_guest()) {
+            let mut looked_in = self.looked_in.borrow_mut();
+            looked_in.retain(|other| *other != process);
+            looked_in.push_back(process);
+            if looked_in.len() > LOOKED_IN {
+                looked_in.pop_front();
+            }
+        }
     }
 
     /// Says in the log, now and then, that clients were turned away.
@@ -300,183 +339,4 @@ fn crowding(places: usize, entries: &[Arc<Entry>], new: &Entry) -> Option<Arc<En
 fn dismiss(entries: &mut Vec<Arc<Entry>>, leaving: &Arc<Entry>, why: Farewell) {
     entries.retain(|entry| !Arc::ptr_eq(entry, leaving));
     leaving.dismiss(why);
-}
-
-#[cfg(test)]
-mod tests {
-    use super::*;
-
-    fn registry(max_subscribers: usize) -> Registry {
-        let stall_ms = 1000;
-        Registry::new(Limits {
-            max_subscribers,
-            stall_ms,
-        })
-    }
-
-    fn entry(pid: i32) -> Arc<Entry> {
-        Arc::new(Entry::new(Some(pid), Some(1000), 0))
-    }
-
-    fn has_place(registry: &Registry, entry: &Arc<Entry>) -> bool {
-        registry.entries().iter().any(|other| Arc::ptr_eq(other, entry))
-    }
-
-    fn enter_as_guest(registry: &Registry, entry: &Arc<Entry>) -> bool {
-        registry.enter(entry) && entry.is_guest()
-    }
-
-    /// Whether one of this process is let in, and stays.
-    fn enter(registry: &Registry, pid: i32) -> bool {
-        let entry = entry(pid);
-        if enter_as_guest(registry, &entry) {
-            registry.settle(&entry);
-        }
-        has_place(registry, &entry)
-    }
-
-    fn why(entry: &Entry) -> Option<Farewell> {
-        entry.dismissal.lock().unwrap().take()
-    }
-
-    fn want_nothing(entry: &Entry) {
-        entry.set_wants(&taxel_wire::Subscribe {
-            image: false,
-            ..Default::default()
-        });
-    }
-
-    fn places(registry: &Registry) -> Vec<i32> {
-        registry.entries().iter().filter_map(|entry| entry.pid).collect()
-    }
-
-    fn places_of(registry: &Registry, pid: i32) -> usize {
-        places(registry).iter().filter(|other| **other == pid).count()
-    }
-
-    #[test]
-    fn the_process_with_most_readers_makes_room_for_one_that_has_fewer_until_both_have_as_many() {
-        let registry = registry(8);
-        assert!((0..7).all(|_| enter(&registry, 1)) && enter(&registry, 2));
-        let oldest = registry.entries()[0].clone();
-        assert!(!enter(&registry, 1), "it has most of them itself");
-        assert!(enter(&registry, 3));
-        assert!(!has_place(&registry, &oldest));
-        assert_eq!(places(&registry), [1, 1, 1, 1, 1, 1, 2, 3]);
-        assert!(matches!(why(&oldest), Some(Farewell::Crowds)));
-        assert!(enter(&registry, 2) && enter(&registry, 2));
-        assert_eq!(places(&registry), [1, 1, 1, 1, 2, 3, 2, 2]);
-        assert!(!enter(&registry, 2), "both would push each other out in turn");
-        assert!(enter(&registry, 3));
-        assert_eq!(places(&registry), [1, 1, 1, 2, 3, 2, 2, 3]);
-    }
-
-    #[test]
-    fn who_is_shown_nothing_makes_room_first_and_nobody_where_each_has_one() {
-        let registry = registry(8);
-        assert!((0..8).all(|_| enter(&registry, 1)));
-        let onlooker = registry.entries()[5].clone();
-        want_nothing(&onlooker);
-        assert!(enter(&registry, 2));
-        assert!(matches!(why(&onlooker), Some(Farewell::MadeRoom)));
-        assert!(!has_place(&registry, &onlooker));
-
-        let registry = self::registry(8);
-        assert!((0..8).all(|pid| enter(&registry, pid)) && !enter(&registry, 9));
-    }
-
-    #[test]
-    fn who_only_looks_in_or_is_to_be_shown_nothing_puts_no_display_out() {
-        let registry = registry(8);
-        assert!((0..8).all(|_| enter(&registry, 1)));
-        for pid in 2..100 {
-            let guest = entry(pid);
-            assert!(enter_as_guest(&registry, &guest));
-            registry.remove(&guest);
-            registry.settle(&guest);
-        }
-        let onlooker = entry(100);
-        assert!(enter_as_guest(&registry, &onlooker));
-        want_nothing(&onlooker);
-        registry.settle(&onlooker);
-        assert!(matches!(why(&onlooker), Some(Farewell::TooMany(8))));
-        assert_eq!(places(&registry), [1; 8]);
-
-        // Where somebody has left meanwhile, nobody has to.
-        let guest = entry(101);
-        assert!(enter_as_guest(&registry, &guest));
-        registry.remove(&registry.entries()[0].clone());
-        registry.settle(&guest);
-        assert_eq!(places(&registry), [1, 1, 1, 1, 1, 1, 1, 101]);
-    }
-
-    #[test]
-    fn guests_are_few_and_each_that_stays_puts_out_one() {
-        let registry = registry(8);
-        assert!((0..8).all(|_| enter(&registry, 1)));
-        let guests: Vec<_> = (2..5).map(entry).collect();
-        let entered: Vec<_> = (guests.iter().map(|guest| enter_as_guest(&registry, guest))).collect();
-        assert_eq!(entered, [true, true, false]);
-        for guest in &guests {
-            registry.settle(guest);
-        }
-        assert_eq!(places(&registry), [1, 1, 1, 1, 1, 1, 2, 3]);
-    }
-
-    #[test]
-    fn a_process_that_looks_in_again_and_again_keeps_no_display_from_being_a_guest() {
-        for places in [4, 8, 32] {
-            let registry = registry(places);
-            assert!((0..places).all(|_| enter(&registry, 1)));
-            let lookers: Vec<_> = (0..16).map(|_| entry(2)).collect();
-            let entered = (lookers.iter().filter(|looker| registry.enter(looker))).count();
-            assert_eq!(entered, (places / 4).max(2));
-            let display = entry(3);
-            assert!(enter_as_guest(&registry, &display), "{places} places");
-            assert!(matches!(why(&lookers[0]), Some(Farewell::TooMany(_))));
-            assert!(!has_place(&registry, &lookers[0]));
-            assert!(!registry.enter(&entry(2)), "not in turn");
-            lookers.iter().for_each(|looker| registry.remove(looker));
-            registry.settle(&display);
-            assert_eq!(places_of(&registry, 3), 1);
-            assert_eq!(places_of(&registry, 1), places - 1);
-        }
-    }
-
-    #[test]
-    fn who_is_shown_nothing_puts_nobody_out_also_where_another_is_shown_nothing() {
-        let registry = registry(1);
-        let [first, second] = [entry(1), entry(2)];
-        assert!(registry.enter(&first));
-        want_nothing(&first);
-        assert!(enter_as_guest(&registry, &second));
-        want_nothing(&second);
-        registry.settle(&second);
-        assert!(matches!(why(&second), Some(Farewell::TooMany(1))));
-        assert!(has_place(&registry, &first) && !has_place(&registry, &second));
-    }
-
-    #[test]
-    fn a_guest_leaves_for_no_place() {
-        let registry = registry(8);
-        assert!((0..8).all(|_| enter(&registry, 1)));
-        let [display, onlooker] = [entry(2), entry(3)];
-        assert!(enter_as_guest(&registry, &onlooker) && enter_as_guest(&registry, &display));
-        want_nothing(&onlooker);
-        registry.settle(&display);
-        registry.settle(&onlooker);
-        assert_eq!(places(&registry), [1, 1, 1, 1, 1, 1, 1, 2]);
-    }
-
-    #[test]
-    fn readers_that_the_kernel_does_not_tell_apart_crowd_nobody() {
-        let unknown = || Arc::new(Entry::new(None, Some(0), 0));
-        let registry = registry(8);
-        assert!((0..6).all(|_| registry.enter(&unknown())));
-        assert!(enter(&registry, 1) && enter(&registry, 1));
-        // Two of a process are more than an eighth, and six of nobody knows whom are not for one that is known.
-        assert!(enter(&registry, 2));
-        assert_eq!(places(&registry), [1, 2]);
-        assert!(!registry.enter(&unknown()));
-    }
 }
