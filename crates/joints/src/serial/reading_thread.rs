@@ -8,7 +8,7 @@ use std::time::{Duration, Instant};
 
 /// How long after it was told to end a thread is waited for: longer than a cycle and the release of motors take. A driver
 /// that does not return from a call keeps its thread for ever.
-const PATIENCE: Duration = Duration::from_secs(3);
+const PATIENCE: Duration = Duration::from_secs(4);
 /// How often a thread that ends is looked at.
 const LOOK: Duration = Duration::from_millis(1);
 

@@ -347,3 +347,32 @@ fn of_healthy_servos_behind_a_slow_adapter_it_is_known_soon_that_all_are_off() {
         assert_eq!(counted(&w), before, "{what}");
     }
 }
+
+#[test]
+fn at_the_end_healthy_servos_have_as_long_as_their_answers_take() {
+    for (late_ns, most_ns) in [(0, 500 * MS), (100 * MS, 1300 * MS)] {
+        let mut w = watched(6, 2540);
+        w.bus.set_margins_ns(300 * MS, 4 * MS);
+        for id in 1..=6 {
+            w.fault(id, ServoFault::Late { by_ns: late_ns });
+        }
+        w.cycles(30);
+        start(&mut w, 0..6);
+        let from_ns = w.now_ns;
+        let patience_ns = w.bus.release_motors();
+        assert!((500 * MS..=most_ns).contains(&patience_ns), "{patience_ns}");
+        while (0..6).any(|servo| w.bus.servo(servo).unwrap().torque_enabled != Some(false)) {
+            w.cycle(MS);
+            assert!(w.now_ns < from_ns + patience_ns, "{late_ns}");
+        }
+    }
+    // However slow they are, the end comes.
+    let mut w = watched(16, 2540);
+    w.bus.set_margins_ns(500 * MS, 4 * MS);
+    for id in 1..=16 {
+        w.fault(id, ServoFault::Late { by_ns: 400 * MS });
+    }
+    w.cycles(30);
+    start(&mut w, 0..16);
+    assert_eq!(w.bus.release_motors(), 2000 * MS);
+}

@@ -28,9 +28,7 @@ const LONGEST_PAUSE: Duration = Duration::from_millis(500);
 const LOOK_NS: u64 = 20_000_000;
 /// How often the adapter's latency timer is looked at.
 const LATENCY_NS: u64 = 1_000_000_000;
-/// Most time that switching the motors off may take at the end; after it their watchdogs do.
-const RELEASE_NS: u64 = 500_000_000;
-/// Between two cycles of that.
+/// Between two cycles in which motors are told at the end to be off.
 const RELEASE_PAUSE: Duration = Duration::from_millis(1);
 
 /// The newest cycle and what is known of the servos, one entry per joint in the order of the configuration.
@@ -377,8 +375,7 @@ impl Thread {
             next_ns = (next_ns + self.period_ns).max(monotonic_ns());
             self.sleep_until(next_ns, Urgent::Wakes);
         }
-        self.bus.release_motors();
-        let until_ns = monotonic_ns() + RELEASE_NS;
+        let until_ns = monotonic_ns() + self.bus.release_motors();
         while self.bus.has_writes() && monotonic_ns() < until_ns {
             port.cycle_while(&mut self.bus, |_| monotonic_ns() < until_ns)?;
             // Where every servo rests a cycle takes no time.

@@ -2,11 +2,18 @@
 
 use super::Bus;
 use crate::dynamixel::bus::outcomes::Outcomes;
-use crate::dynamixel::bus::servo::ServoState;
+use crate::dynamixel::bus::servo::{FACTORY_RETURN_DELAY_NS, ServoState};
+use crate::dynamixel::bus::wire_ns;
 use crate::dynamixel::bus::writes::{
     QUEUE, WRITES_PER_COMMAND, Write, WriteCommand, WriteError, WriteRefused, Written,
 };
 use crate::dynamixel::registers::address;
+
+/// Least and most time in which motors are told at the end to be off; after it their watchdogs stop them.
+const RELEASE_NS: u64 = 500_000_000;
+const LONGEST_RELEASE_NS: u64 = 2_000_000_000;
+/// Bytes on the wire of telling one servo to be off, of asking it, and of its answer.
+const OFF_BYTES: usize = 48;
 
 impl Bus {
     /// Has a servo told something, after the next cycle's positions; that its motor is switched off goes before them.
@@ -139,8 +146,9 @@ impl Bus {
 
     /// Has every motor that was switched on with [`Bus::command`], or of which nobody knows whether it is off, switched off,
     /// and does nothing else any more; one that was still to be switched on stays off, also where a cycle was left before its
-    /// end.
-    pub fn release_motors(&mut self) {
+    /// end. Returns for how long they are told so, nanoseconds: half a second or, where that is longer, as long as they may take
+    /// to confirm it one after the other, by what their answers took so far; two seconds at most.
+    pub fn release_motors(&mut self) -> u64 {
         if std::mem::take(&mut self.pass_active) && self.pass.sent_ns.is_some() {
             self.leave_request();
         }
@@ -151,6 +159,10 @@ impl Bus {
                 self.switch_off(off.newest, servo);
             }
         }
+        let offs = self.writes.iter().filter(|write| write.switches_off());
+        let wire_ns = wire_ns(OFF_BYTES, self.baud) + FACTORY_RETURN_DELAY_NS;
+        let take_ns = offs.map(|off| wire_ns + self.off_margin_ns(off)).sum();
+        RELEASE_NS.max(take_ns).min(LONGEST_RELEASE_NS)
     }
 
     /// Tells what became of a command. One of several writes that fails is a command that failed.

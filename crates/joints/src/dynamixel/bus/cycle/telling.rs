@@ -123,13 +123,16 @@ impl Bus {
     pub(super) fn read_back_margin_ns(&self) -> u64 {
         let mut urgent = self.writes.iter().take_while(|write| write.urgent);
         match urgent.next() {
-            Some(first) if urgent.any(|write| write.servo != first.servo) => {
-                let more = OFF_PATIENCE.saturating_pow(first.tries);
-                let usual_ns = self.resting_margin_ns.saturating_mul(more);
-                (self.margin_ns).min(usual_ns.saturating_add(2 * self.servos[first.servo].usual_ns))
-            }
+            Some(first) if urgent.any(|write| write.servo != first.servo) => self.off_margin_ns(first),
             _ => self.margin_ns,
         }
+    }
+
+    /// The same of one that is to be off among others.
+    pub(super) fn off_margin_ns(&self, off: &Write) -> u64 {
+        let more = OFF_PATIENCE.saturating_pow(off.tries);
+        let usual_ns = self.resting_margin_ns.saturating_mul(more);
+        (self.margin_ns).min(usual_ns.saturating_add(2 * self.servos[off.servo].usual_ns))
     }
 
     /// Asks those servos what they hold now.
