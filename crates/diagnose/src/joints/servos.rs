@@ -129,14 +129,16 @@ impl Judge<'_> {
         let silent: Vec<bool> = (snapshot.servos.iter().enumerate())
             .map(|(joint, servo)| patience.is_silent(joint, servo.alive, now_ns))
             .collect();
-        let all = silent.len() > 1 && silent.iter().all(|silent| *silent);
-        if all {
-            found.push(missing_servos(&self.config.source.to_string(), config.baud));
-        }
-        let of_all = patience.is_of_all(all, now_ns);
         let answers: Vec<Answers> = (snapshot.servos.iter().enumerate())
             .map(|(joint, servo)| self.answers(joint, servo))
             .collect();
+        let all = silent.len() > 1 && silent.iter().all(|silent| *silent);
+        let late = answers.iter().filter(|answers| answers.late > 0).count();
+        let all_are_late = all && 2 * late > answers.len();
+        if all && !all_are_late {
+            found.push(missing_servos(&self.config.source.to_string(), config.baud));
+        }
+        let of_all = patience.is_of_all(all, now_ns);
         let mut own: Vec<Problem> = Vec::new();
         for (joint, servo) in snapshot.servos.iter().enumerate() {
             let name = name_of(config, joint);
@@ -157,7 +159,9 @@ impl Judge<'_> {
             own.retain(|p| p.kind != Kind::ServoDamaged);
             found.push(most_damaged());
         }
-        let are_late = self.are_most(Kind::ServoLate, LATE, (&answers, &silent), |a| a.late);
+        let is_told = own.iter().any(|p| p.kind == Kind::ServoLate);
+        let are_late =
+            self.are_most(Kind::ServoLate, LATE, (&answers, &silent), |a| a.late) || all_are_late && !is_told;
         if are_late {
             own.retain(|p| p.kind != Kind::ServoLate);
         }
@@ -432,7 +436,8 @@ fn late_advice(port: &PortStatus, servo: &ServoState) -> String {
     match (timer_ms, delay_us) {
         (Some(ms), _) if ms > 1 => format!("The adapter's latency timer is {ms} ms and should be 1"),
         (_, 50..) => format!("Its Return Delay Time is {delay_us} us: set it to 0"),
-        _ => "Look for a USB hub or a busy machine in between; `answer_margin_ms` in [joints] gives answers more time"
+        _ => "Look for a USB hub or a busy machine in between; `answer_margin_ms` in [joints] gives answers more time \
+              (`taxel doctor` measures how much they need, while taxeld does not run)"
             .into(),
     }
 }

@@ -53,6 +53,30 @@ fn answers_that_are_late_or_damaged_from_all_servos_are_one_problem() {
 }
 
 #[test]
+fn of_servos_that_all_answer_too_late_nobody_says_that_none_answers() {
+    for (n, words) in [
+        (2, "answers after its deadline"),
+        (4, "most servos come after their deadline"),
+    ] {
+        let mut bench = JointsBench::answering(n);
+        let pass = |bench: &mut JointsBench, late: u64| {
+            bench.pass(3000, |view| {
+                for joint in 0..n.into() {
+                    servo(view, joint).alive = false;
+                    servo(view, joint).counters.late += late;
+                    view.tick.angles[joint] = f32::NAN;
+                }
+            });
+        };
+        pass(&mut bench, 1);
+        bench.said(&[&[words, "`answer_margin_ms`", "taxel doctor"]]);
+        assert!(bench.bench.kinds().iter().all(|kind| *kind == "servo-late"));
+        pass(&mut bench, 0);
+        assert_eq!(bench.bench.kinds(), ["servos-silent"]);
+    }
+}
+
+#[test]
 fn one_late_or_damaged_answer_is_no_problem_where_most_servos_had_one() {
     type Change = fn(&mut JointsView, usize);
     let cases: [(Change, &str, &str); 2] = [
