@@ -18,6 +18,8 @@ const SUPPLY_V: std::ops::RangeInclusive<f64> = 9.5..=16.0;
 /// Answers to a sync read of so many bytes; the request has 14 and one per servo (docs/protocols.md,
 /// "Dynamixel cycle").
 const CYCLE_BYTES: usize = 12;
+/// Most that `answer_margin_ms` may be.
+const MOST_MARGIN_MS: f64 = 500.0;
 
 /// What was asked of the bus and what came.
 #[derive(Debug, Clone, PartialEq)]
@@ -101,6 +103,7 @@ pub(super) fn check(config: &DynamixelConfig, facts: &ServoFacts) -> Vec<Check> 
             .wanted("a [[joints.servo]] table, or another bus for it"),
         );
     }
+    checks.extend(check_answer_time(config, &port, survey));
     checks.push(check_cycle(config, &port, survey));
     checks
 }
@@ -225,6 +228,43 @@ fn by_name(mut checks: Vec<Check>) -> Vec<Check> {
     checks
 }
 
+/// Whether the daemon waits long enough for the servos' answers; nothing where none of them answered a read. One answer that
+/// comes late is that of a busy machine.
+fn check_answer_time(config: &DynamixelConfig, port: &str, survey: &BusSurvey) -> Option<Check> {
+    let servos = (survey.servos.iter()).filter(|s| config.servo.iter().any(|wanted| wanted.id == s.id));
+    let took: Vec<_> = servos
+        .filter_map(|s| Some((s.id, s.answer_ns.clone()?)))
+        .collect();
+    let usual_ms = survey.usual_margin_ns() as f64 / 1e6;
+    let margin_ms = config.answer_margin_ms.unwrap_or(usual_ms);
+    let ms = |ns: &u64| *ns as f64 / 1e6;
+    let late: Vec<u8> = (took.iter())
+        .filter_map(|(id, took)| (ms(took.start()) > margin_ms).then_some(*id))
+        .collect();
+    let slowest_ms = took.iter().map(|(_, took)| ms(took.end())).reduce(f64::max)?;
+    if late.is_empty() {
+        let found = format!("the slowest came {slowest_ms:.1} ms after its time on the wire");
+        return Some(Check::ok(AREA, "answer time", port, found));
+    }
+    let enough_ms = (2.0 * slowest_ms).ceil().min(MOST_MARGIN_MS);
+    Some(
+        Check::error(
+            AREA,
+            "answer time",
+            port,
+            format!(
+                "answers come up to {slowest_ms:.0} ms after their time on the wire, and taxeld waits {margin_ms} ms: it does \
+                 not read servos {}",
+                list(&late)
+            ),
+        )
+        .wanted(format!("at most {margin_ms} ms"))
+        .advise(format!(
+            "write answer_margin_ms = {enough_ms:.1} into [joints]; or look for what delays them: a USB hub, or a slow adapter"
+        )),
+    )
+}
+
 /// Whether the servos can be read as often as the configuration wants.
 fn check_cycle(config: &DynamixelConfig, port: &str, survey: &BusSurvey) -> Check {
     let n = config.servo.len();
@@ -265,6 +305,7 @@ fn list(ids: &[u8]) -> String {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use std::ops::RangeInclusive;
     use taxel_joints::PortLatency;
     use taxel_joints::bus::ServoIdentity;
     use taxel_joints::registers::HardwareError;
@@ -287,6 +328,7 @@ mod tests {
             hardware_error: Some(HardwareError(0)),
             voltage_v: Some(12.0),
             temperature_c: Some(31),
+            answer_ns: Some(100_000..=900_000),
         }
     }
 
@@ -402,6 +444,47 @@ mod tests {
                 checks.iter().any(|c| c.name == name && c.state == State::Warning),
                 "{name}"
             );
+        }
+    }
+
+    #[test]
+    fn answers_that_come_too_late_for_the_daemon_are_told_with_the_margin_that_they_need() {
+        const MS: u64 = 1_000_000;
+        let told = |answer_ns: Option<RangeInclusive<u64>>, margin_ms: Option<f64>, timer_ms: Option<u32>| {
+            let mut config = DynamixelConfig::new("p", 1..=2);
+            config.answer_margin_ms = margin_ms;
+            let mut late = servo(2);
+            late.answer_ns = answer_ns;
+            let survey = BusSurvey {
+                servos: vec![servo(1), late],
+                damaged: 0,
+                latency: PortLatency {
+                    ftdi_timer_ms: timer_ms,
+                    ..PortLatency::default()
+                },
+            };
+            let check = check_answer_time(&config, "p", &survey).unwrap();
+            (check.state, format!("{}; {}", check.found, check.mend_text()))
+        };
+        for (answer_ns, margin_ms, timer_ms) in [
+            (None, None, None),
+            (Some(MS..=3 * MS), None, None),
+            // A busy machine, which delays one.
+            (Some(MS..=60 * MS), None, None),
+            (Some(60 * MS..=62 * MS), Some(100.0), None),
+            (Some(20 * MS..=30 * MS), None, Some(16)),
+        ] {
+            let (state, text) = told(answer_ns, margin_ms, timer_ms);
+            assert_eq!(state, State::Ok, "{text}");
+        }
+        for (answer_ns, margin_ms, advice) in [
+            (60 * MS..=62 * MS, None, "answer_margin_ms = 124.0"),
+            (60 * MS..=62 * MS, Some(50.0), "answer_margin_ms = 124.0"),
+            (300 * MS..=310 * MS, None, "answer_margin_ms = 500.0"),
+        ] {
+            let (state, text) = told(Some(answer_ns), margin_ms, None);
+            assert_eq!(state, State::Error, "{text}");
+            assert!(text.contains("servos 2") && text.contains(advice), "{text}");
         }
     }
 

@@ -13,6 +13,12 @@ const LOOK: Duration = Duration::from_millis(10);
 /// On top of twice an FTDI adapter's timer.
 const FTDI_MARGIN_NS: u64 = 2_000_000;
 
+/// How long an answer may take beyond its time on the wire, nanoseconds, unless the configuration says otherwise.
+pub(super) fn usual_margin_ns(latency: PortLatency) -> u64 {
+    let by_timer = (latency.ftdi_timer_ms).map(|ms| FTDI_MARGIN_NS + 2_000_000 * u64::from(ms));
+    by_timer.unwrap_or(DEFAULT_MARGIN_NS)
+}
+
 /// An open port with the servos behind it. It blocks; [`crate::ServoReader`] gives it a thread.
 #[derive(Debug)]
 pub struct SerialBus {
@@ -33,9 +39,7 @@ impl SerialBus {
     }
 
     fn set_margin(&self, bus: &mut Bus) {
-        let timer_ms = self.port.latency().ftdi_timer_ms;
-        let by_timer = timer_ms.map(|ms| FTDI_MARGIN_NS + 2_000_000 * u64::from(ms));
-        let usual_ns = by_timer.unwrap_or(DEFAULT_MARGIN_NS);
+        let usual_ns = usual_margin_ns(self.port.latency());
         bus.set_margins_ns(self.margin_ns.unwrap_or(usual_ns), usual_ns);
     }
 

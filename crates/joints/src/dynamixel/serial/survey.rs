@@ -1,9 +1,11 @@
 //! What every servo on a bus says of itself: pings and reads, nothing is written.
 
+use super::serial_bus::usual_margin_ns;
 use crate::dynamixel::bus::{ServoIdentity, wire_ns};
 use crate::dynamixel::protocol2::{BROADCAST_ID, Encoder, Instruction, MAX_ID, Parser, StatusByte};
 use crate::dynamixel::registers::{HardwareError, address, volts};
 use crate::serial::{Port, PortError, PortLatency};
+use std::ops::RangeInclusive;
 use std::path::Path;
 use std::time::Duration;
 use taxel_can::monotonic_ns;
@@ -19,6 +21,8 @@ const BUSY_NS: u64 = 500_000_000;
 const PING_BYTES: usize = 3;
 /// How often a question is repeated.
 const TRIES: usize = 3;
+/// How often one is read again whose answers were all late: a busy machine makes some of them late.
+const MORE_READS: usize = 3;
 
 /// A servo that answered, and what it told.
 #[derive(Debug, Clone, PartialEq)]
@@ -45,6 +49,9 @@ pub struct SurveyedServo {
     pub voltage_v: Option<f64>,
     /// Its temperature, degrees Celsius.
     pub temperature_c: Option<u8>,
+    /// How long its answers took beyond their time on the wire, nanoseconds: the fastest and the slowest; `None` where it
+    /// answered no read.
+    pub answer_ns: Option<RangeInclusive<u64>>,
 }
 
 /// What was found on a servo bus.
@@ -56,6 +63,14 @@ pub struct BusSurvey {
     pub damaged: u32,
     /// How fast the port hands over what it has received.
     pub latency: PortLatency,
+}
+
+impl BusSurvey {
+    /// How long a [`super::ServoReader`] waits here for an answer beyond its time on the wire, nanoseconds, where
+    /// `answer_margin_ms` does not say.
+    pub fn usual_margin_ns(&self) -> u64 {
+        usual_margin_ns(self.latency)
+    }
 }
 
 /// What came of a servo that was asked.
@@ -74,6 +89,8 @@ struct Surveyor {
     encoder: Encoder,
     parser: Parser,
     damaged: u32,
+    /// When a servo was asked last.
+    sent_ns: u64,
 }
 
 /// Asks a bus who is on it (a ping to everybody, then one to each of `expected` that did not
@@ -88,6 +105,7 @@ pub fn survey(path: &Path, baud: u32, expected: &[u8]) -> Result<BusSurvey, Port
         encoder: Encoder::default(),
         parser: Parser::new(64),
         damaged: 0,
+        sent_ns: 0,
     };
     let mut servos = Vec::new();
     surveyor.ping(BROADCAST_ID, &mut servos)?;
@@ -99,6 +117,11 @@ pub fn survey(path: &Path, baud: u32, expected: &[u8]) -> Result<BusSurvey, Port
     servos.sort_unstable_by_key(|s| s.id);
     for servo in &mut servos {
         surveyor.ask(servo)?;
+        for _ in 0..MORE_READS {
+            if (servo.answer_ns.as_ref()).is_some_and(|took| *took.start() > usual_margin_ns(latency)) {
+                surveyor.read(servo, address::TORQUE_ENABLE, 7)?;
+            }
+        }
     }
     Ok(BusSurvey {
         servos,
@@ -152,6 +175,7 @@ impl Surveyor {
                         hardware_error: None,
                         voltage_v: None,
                         temperature_c: None,
+                        answer_ns: None,
                     }),
                 }
             }
@@ -165,7 +189,7 @@ impl Surveyor {
     }
 
     fn ask(&mut self, servo: &mut SurveyedServo) -> Result<(), PortError> {
-        let identity = self.first_read(servo.id, address::MODEL_NUMBER, 11)?;
+        let identity = self.first_read(servo, address::MODEL_NUMBER, 11)?;
         let Some([m0, m1, _, _, _, _, firmware, _, baud, delay, mode]) = identity.as_deref() else {
             return Ok(());
         };
@@ -176,13 +200,13 @@ impl Surveyor {
             return_delay_us: 2 * u16::from(*delay),
             drive_mode: *mode,
         });
-        let state = self.read(servo.id, address::TORQUE_ENABLE, 7)?;
+        let state = self.read(servo, address::TORQUE_ENABLE, 7)?;
         if let Some([torque, _, _, _, level, _, error]) = state.as_deref() {
             servo.torque_enabled = Some(*torque != 0);
             servo.status_return_level = Some(*level);
             servo.hardware_error = Some(HardwareError(*error));
         }
-        let power = self.read(servo.id, address::PRESENT_INPUT_VOLTAGE, 3)?;
+        let power = self.read(servo, address::PRESENT_INPUT_VOLTAGE, 3)?;
         if let Some([v0, v1, celsius]) = power.as_deref() {
             servo.voltage_v = Some(volts(u16::from_le_bytes([*v0, *v1])));
             servo.temperature_c = Some(*celsius);
@@ -201,27 +225,42 @@ impl Surveyor {
     }
 
     /// So many bytes of the control table of a servo that answers reads; `None` if no good answer came.
-    fn read(&mut self, id: u8, at: u16, length: u16) -> Result<Option<Vec<u8>>, PortError> {
+    fn read(
+        &mut self,
+        servo: &mut SurveyedServo,
+        at: u16,
+        length: u16,
+    ) -> Result<Option<Vec<u8>>, PortError> {
         for _ in 0..TRIES {
-            self.parser.clear();
-            self.port.write(self.encoder.read(id, at, length))?;
-            if let Answer::Data(data) = self.answer(id, length, BUSY_NS)? {
+            self.send_read(servo.id, at, length)?;
+            if let Answer::Data(data) = self.answer(servo, length, BUSY_NS)? {
                 return Ok(Some(data));
             }
         }
         Ok(None)
     }
 
+    fn send_read(&mut self, id: u8, at: u16, length: u16) -> Result<(), PortError> {
+        self.parser.clear();
+        self.port.write(self.encoder.read(id, at, length))?;
+        self.sent_ns = monotonic_ns();
+        Ok(())
+    }
+
     /// The same of a servo that may answer pings alone. Behind a read without answer it is pinged: as long as it does not
     /// answer that, the machine is busy, and the answer to the read may still come, which comes first.
-    fn first_read(&mut self, id: u8, at: u16, length: u16) -> Result<Option<Vec<u8>>, PortError> {
+    fn first_read(
+        &mut self,
+        servo: &mut SurveyedServo,
+        at: u16,
+        length: u16,
+    ) -> Result<Option<Vec<u8>>, PortError> {
         for _ in 0..TRIES {
-            self.parser.clear();
-            self.port.write(self.encoder.read(id, at, length))?;
-            let mut answer = self.answer(id, length, MARGIN_NS)?;
+            self.send_read(servo.id, at, length)?;
+            let mut answer = self.answer(servo, length, MARGIN_NS)?;
             if answer == Answer::None {
-                self.port.write(self.encoder.ping(id))?;
-                answer = self.answer(id, length, BUSY_NS)?;
+                self.port.write(self.encoder.ping(servo.id))?;
+                answer = self.answer(servo, length, BUSY_NS)?;
             }
             if let Answer::Data(data) = answer {
                 return Ok(Some(data));
@@ -231,9 +270,14 @@ impl Surveyor {
     }
 
     /// What a servo answers to a read of so many bytes, beyond its time on the wire by so long.
-    fn answer(&mut self, id: u8, length: u16, margin_ns: u64) -> Result<Answer, PortError> {
-        let bytes = usize::from(length) + PING_ANSWER_BYTES * 2;
-        let end_ns = monotonic_ns() + margin_ns + wire_ns(bytes, self.baud);
+    fn answer(
+        &mut self,
+        servo: &mut SurveyedServo,
+        length: u16,
+        margin_ns: u64,
+    ) -> Result<Answer, PortError> {
+        let wire_ns = wire_ns(usize::from(length) + PING_ANSWER_BYTES * 2, self.baud);
+        let end_ns = monotonic_ns() + margin_ns + wire_ns;
         while let Some(n) = self.read_until(end_ns)? {
             self.parser.take_bytes(n);
             while let Some(packet) = self.parser.next_packet() {
@@ -241,11 +285,17 @@ impl Surveyor {
                     self.damaged += 1;
                     continue;
                 };
-                if packet.id != id || packet.instruction != Instruction::Status as u8 {
+                if packet.id != servo.id || packet.instruction != Instruction::Status as u8 {
                     continue;
                 }
                 match packet.parameters {
                     [_, data @ ..] if data.len() == usize::from(length) => {
+                        let took_ns = monotonic_ns().saturating_sub(self.sent_ns + wire_ns);
+                        let (fastest, slowest) = (servo.answer_ns.take())
+                            .map_or((took_ns, took_ns), |took| {
+                                (took_ns.min(*took.start()), took_ns.max(*took.end()))
+                            });
+                        servo.answer_ns = Some(fastest..=slowest);
                         return Ok(Answer::Data(data.to_vec()));
                     }
                     [error, data @ ..]
