@@ -20,7 +20,7 @@ WINDOW_NS, LEAST_FRAMES = 300 * MS, 10
 OUTLIER_SIGMAS = 5.0
 STEPS, STEP_REVERSALS, STEP_WITNESSES = range(4, 1025), 4, 2
 STEP_ON_ALL_AXES = 1.75
-MOVED_PEAKS, MOVED_LEAST, MOVED_SAMPLES, MOVED_LEFT_OUT = 2.0, 4, 16, 0.1
+MOVED_PEAKS, MOVED_LEAST, MOVED_SAMPLES, SLOW_VARIANCES = 2.0, 4, 16, 3.0
 TOUCH_COUNTS, TOUCH_SIGMAS = 60.0, 4.0
 NOISE_SIGMAS, NOISE_FLOOR = 8.0, 150.0
 MARGIN, RELEASE, LEAST_THRESHOLD = 1.5, 0.8, 10.0
@@ -80,33 +80,31 @@ def usual(samples, step):
     return kept, baseline, float(magnitude(samples[kept], baseline).max(initial=0.0))
 
 
+def successive_variance(samples, kept):
+    """Variance of each axis of (T, 3) samples from one to the next, so that slow motion is none; an outlier interrupts."""
+    steps = np.diff(samples, axis=0)[kept[1:] & kept[:-1]]
+    return np.sum(steps * steps / 2.0, axis=0) / max(1, len(steps))
+
+
 def rest_in_the_quieter_half(rest):
-    """Where the hand moves in one half of the window: takes the quieter one; says whether it is so."""
-    of = lambda value: upper_spread(np.array([value(r) for r in rest]))[0]
-    if not rest or not rest[0].halves:
-        return False
-    unrest = lambda h: (of(lambda r: r.halves[h].left_out) > MOVED_LEFT_OUT, of(lambda r: r.halves[h].peak))
-    half = min(range(2), key=unrest)
-    least = lambda r: max(r.halves[half].peak, r.step, MOVED_LEAST)
-    quiet = MOVED_PEAKS * of(least)
-    left_out, peak = unrest(1 - half)
-    # Where both halves are as quiet, one of them may be under a touch, and nobody knows which.
-    if of(lambda r: r.peak) <= quiet or (not left_out and peak <= quiet):
-        return False
-    for r in rest:
-        r.touched |= bool(r.halves[half].strongest > MOVED_PEAKS * least(r))
-        r.baseline, r.peak = r.halves[half].baseline, r.halves[half].peak
-    return True
+    """Where most taxels move in one half of the window: takes the other one; says whether it is so."""
+    for moved in range(2):
+        moving = [r.moves(moved) for r in rest]
+        if 2 * sum(moving) > len(rest):
+            for r, moves in zip(rest, moving):
+                r.touched |= moves
+                r.baseline, r.peak = r.halves[1 - moved].baseline, r.halves[1 - moved].peak
+            return True
+    return False
 
 
 class Half:
-    """What half `h` of (T, 3) samples says, the first or the last, and the strongest of all by it."""
+    """What half a window of (T, 3) samples says, and whether they vary more slowly than noise."""
 
-    def __init__(self, samples, h, step):
-        n = len(samples)
-        kept, self.baseline, self.peak = usual(samples[h * n // 2 : (h + 1) * n // 2], step)
-        self.left_out = 1.0 - np.mean(kept)
-        self.strongest = magnitude(samples, self.baseline).max()
+    def __init__(self, samples, step):
+        kept, self.baseline, self.peak = usual(samples, step)
+        variance = np.sum((samples[kept] - self.baseline) ** 2) / max(1, np.sum(kept))
+        self.is_slow = bool(variance > SLOW_VARIANCES * np.sum(successive_variance(samples, kept)))
 
 
 class Rest:
@@ -117,16 +115,20 @@ class Rest:
         kept, self.baseline, self.peak = usual(samples, step)
         self.step = int(np.max(step))
         self.constant = bool(np.all(samples == samples[0]))
-        # Noise from sample to sample, so that slow motion is none; an outlier interrupts.
-        neighbours = kept[1:] & kept[:-1]
-        steps = np.diff(samples, axis=0)[neighbours]
-        variance = np.sum(steps * steps / 2.0, axis=0) / max(1, len(steps))
+        variance = successive_variance(samples, kept)
         self.noise = math.sqrt(variance[0] + variance[1] + variance[2])
         n = len(samples)
-        self.halves = [Half(samples, h, step) for h in range(2) if n >= MOVED_SAMPLES]
+        self.halves = [Half(half, step) for half in (samples[: n // 2], samples[n // 2 :])] if n >= MOVED_SAMPLES else []
         quarters = [np.median(samples[q * n // 4 : (q + 1) * n // 4], axis=0) for q in range(4 if n >= 8 else 1)]
         shift = np.max(quarters, axis=0) - np.min(quarters, axis=0)
         self.touched = bool(np.any(shift > np.maximum(TOUCH_COUNTS, TOUCH_SIGMAS * np.sqrt(variance))))
+
+    def moves(self, half):
+        """Whether the taxel moves in this half of the window, and not in the other."""
+        if not self.halves:
+            return False
+        still = max(self.halves[1 - half].peak, self.step, MOVED_LEAST)
+        return self.halves[half].is_slow and self.halves[half].peak > MOVED_PEAKS * still
 
 
 class RobustConditioner:

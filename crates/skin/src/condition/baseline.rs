@@ -17,6 +17,9 @@ const TOUCH_FLOOR_COUNTS: f64 = 60.0;
 const TOUCH_SIGMAS: f64 = 4.0;
 /// Fewest samples from which a touch is judged.
 const TOUCH_SAMPLES: usize = 8;
+/// Samples vary more slowly than noise where their variance is more than this many times the one from sample to sample
+/// (von Neumann's ratio): about once in noise, however strong it is, 3 to 60 times in recorded hands that move.
+const SLOW_VARIANCES: f64 = 3.0;
 
 /// What a taxel of eight bits goes up and down by, counts.
 const COARSE_STEP_COUNTS: u32 = 16;
@@ -34,10 +37,8 @@ pub(super) struct Rest {
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub(super) struct Half {
     pub(super) rest: Rest,
-    /// Its outliers, a share of its samples.
-    pub(super) left_out: f64,
-    /// Largest magnitude above its baseline in the whole of the window, outliers too.
-    pub(super) strongest: f64,
+    /// Whether its samples vary more slowly than noise.
+    pub(super) is_slow: bool,
 }
 
 /// What a taxel's window says about it.
@@ -45,7 +46,7 @@ pub(super) struct Half {
 pub(super) struct TaxelIdle {
     pub(super) rest: Rest,
     /// The first half of the window, and the last; none of a few samples.
-    pub(super) halves: [Option<Half>; 2],
+    pub(super) halves: Option<[Half; 2]>,
     /// The longest step of its axes, counts.
     pub(super) step: u32,
     /// Root of the summed variances of the axes from sample to sample, counts; slow motion does not raise it.
@@ -166,44 +167,25 @@ impl Windows {
             },
             ..TaxelIdle::default()
         };
-        let (mut squares, mut pairs) = ([0.0; 3], 0u32);
-        let mut before: Option<&[i32; 3]> = None;
-        for s in samples {
-            if !usual.keeps(s) {
-                idle.outliers += 1;
-                before = None;
-                continue;
-            }
-            if let Some(b) = before {
-                pairs += 1;
-                for a in 0..3 {
-                    squares[a] += f64::from(s[a] - b[a]).powi(2) / 2.0;
-                }
-            }
-            before = Some(s);
-        }
-        let variance = squares.map(|s| s / f64::from(pairs.max(1)));
+        idle.outliers = samples.iter().filter(|s| !usual.keeps(s)).count() as u32;
+        let variance = usual.successive_variance(samples);
         idle.noise_counts = variance.iter().sum::<f64>().sqrt();
         idle.touched = kept >= TOUCH_SAMPLES
             && (0..3).any(|a| {
                 let shift = level_shift(samples, a, &mut self.scratch);
                 shift > TOUCH_FLOOR_COUNTS.max(TOUCH_SIGMAS * variance[a].sqrt())
             });
-        for (i, half) in idle
-            .halves
-            .iter_mut()
-            .enumerate()
-            .filter(|_| kept >= 2 * TOUCH_SAMPLES)
-        {
-            let part = &samples[i * kept / 2..(i + 1) * kept / 2];
-            let usual = Usual::of(part, steps, outlier_sigmas, &mut self.scratch);
-            let rest = usual.rest(part, baseline, mode);
-            let from = baseline.unwrap_or(rest.baseline);
-            *half = Some(Half {
-                rest,
-                left_out: part.iter().filter(|s| !usual.keeps(s)).count() as f64 / part.len() as f64,
-                strongest: samples.iter().map(|s| mode.of(*s, from)).fold(0.0, f64::max),
-            });
+        if kept >= 2 * TOUCH_SAMPLES {
+            let (first, last) = samples.split_at(kept / 2);
+            idle.halves = Some([first, last].map(|half| {
+                let usual = Usual::of(half, steps, outlier_sigmas, &mut self.scratch);
+                let rest = usual.rest(half, baseline, mode);
+                let noise: f64 = usual.successive_variance(half).iter().sum();
+                Half {
+                    rest,
+                    is_slow: usual.variance(half, rest.baseline) > SLOW_VARIANCES * noise,
+                }
+            }));
         }
         Some(idle)
     }
@@ -237,6 +219,30 @@ impl Usual {
 
     fn keeps(&self, sample: &[i32; 3]) -> bool {
         (0..3).all(|a| (f64::from(sample[a]) - self.centre[a]).abs() <= self.reach[a])
+    }
+
+    /// Variance of each axis from sample to sample, which slow motion does not raise; an outlier interrupts.
+    fn successive_variance(&self, samples: &[[i32; 3]]) -> [f64; 3] {
+        let (mut squares, mut pairs) = ([0.0; 3], 0u32);
+        for pair in samples.windows(2) {
+            if self.keeps(&pair[0]) && self.keeps(&pair[1]) {
+                pairs += 1;
+                for a in 0..3 {
+                    squares[a] += f64::from(pair[1][a] - pair[0][a]).powi(2) / 2.0;
+                }
+            }
+        }
+        squares.map(|s| s / f64::from(pairs.max(1)))
+    }
+
+    /// Sum of the axes' variances, outliers left out.
+    fn variance(&self, samples: &[[i32; 3]], mean: [f64; 3]) -> f64 {
+        let (mut squares, mut used) = (0.0, 0u32);
+        for s in samples.iter().filter(|s| self.keeps(s)) {
+            used += 1;
+            squares += (0..3).map(|a| (f64::from(s[a]) - mean[a]).powi(2)).sum::<f64>();
+        }
+        squares / f64::from(used.max(1))
     }
 
     /// The rest of samples, outliers left out.

@@ -8,11 +8,16 @@ const TAXELS: usize = 16;
 
 /// A hand that wobbles by a few counts, calibrated while `motion` of a taxel and a time in seconds is on its last axis.
 fn calibrated(motion: impl Fn(usize, f64) -> f64) -> Skin {
+    calibrated_with(|_| [2, 2, 3], motion)
+}
+
+/// ... and with noise of so many counts at a time.
+fn calibrated_with(noise: impl Fn(f64) -> [i32; 3], motion: impl Fn(usize, f64) -> f64) -> Skin {
     let mut hand = Skin::new(TAXELS, RATE_HZ, ConditionConfig::robust());
-    hand.noise.fill([2, 2, 3]);
     let rest = hand.truth.clone();
     let mut t = 0.0;
     while hand.conditioner.is_calibrating() {
+        hand.noise.fill(noise(t));
         for (n, truth) in hand.truth.iter_mut().enumerate() {
             let wobble = 6.0 * (11.0 * t + n as f64).sin();
             truth[2] = rest[n][2] + (wobble + motion(n, t)).round() as i32;
@@ -66,6 +71,37 @@ fn a_hand_that_begins_to_move_while_it_is_calibrated_rests_as_before() {
         hand.truth.iter_mut().for_each(|truth| truth[2] += 45);
         hand.step_with(|_| {});
         assert_eq!(hand.out.contacts(), TAXELS, "{case}");
+    }
+}
+
+#[test]
+fn a_hand_that_moves_for_more_than_half_of_the_time_it_is_calibrated_in_rests_as_in_the_rest_of_it() {
+    // The half in which it is mostly still has outliers, the other has none.
+    for case in ["at the end", "at the beginning"] {
+        let mut hand = calibrated(|n, t| match case {
+            "at the end" => 10.0 * ramp(n, t, 0.55),
+            _ => 10.0 * ramp(n, 0.95 - t, 0.0),
+        });
+        assert!(hand.conditioner.report().unwrap().moved, "{case}");
+        // A jump back of hundreds of counts is held until the next sample confirms it.
+        hand.step_with(|_| {});
+        feels_nothing(&mut hand, case);
+        hand.truth.iter_mut().for_each(|truth| truth[2] += 150);
+        hand.step_with(|_| {});
+        assert_eq!(hand.out.contacts(), TAXELS, "{case}");
+    }
+}
+
+#[test]
+fn noise_that_begins_or_ends_while_a_hand_is_calibrated_is_no_movement() {
+    for (before, from_then_on) in [(1, 12), (2, 20), (12, 1)] {
+        for at_s in [0.5, 0.75, 0.9, 1.1] {
+            let case = format!("noise of {before} counts, and of {from_then_on} from {at_s} s on");
+            let noise = |t: f64| if t < at_s { before } else { from_then_on };
+            let mut hand = calibrated_with(|t| [noise(t); 3], |_, _| 0.0);
+            assert!(!hand.conditioner.report().unwrap().moved, "{case}");
+            feels_nothing(&mut hand, &case);
+        }
     }
 }
 
