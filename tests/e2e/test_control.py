@@ -1,15 +1,18 @@
 """The control sockets: who may do what, and that nobody keeps others from doing it."""
 
+import itertools
 import json
 import os
 import signal
 import socket
 import stat
+import subprocess
+import sys
 import threading
 from contextlib import ExitStack
 
 import pytest
-from harness.daemon import Daemon, ask, eventually, read_reply
+from harness.daemon import Daemon, ask, die_with_parent, eventually, read_reply
 from harness.joints import SCENE, TICK, TORQUE, WRITING, dynamixel, servo
 from harness.servos import Servos
 
@@ -216,6 +219,80 @@ def test_whoever_makes_room_has_all_motors_switched_off_that_were_to_be(folder):
             eventually(lambda n=n: servos.register(n, *TORQUE) == 0, f"the motor of {n} is on")
             # Whoever asked is told nothing of what had come with that line.
             eventually(lambda n=n: f"torque of joint {n} is off" in daemon.log, "the log does not say so")
+    servos.close()
+
+
+OCCUPANT = """
+import selectors, socket, sys
+path, line, in_flight = sys.argv[1], sys.argv[2].encode() + b"\\n", int(sys.argv[3])
+selector = selectors.DefaultSelector()
+while True:
+    while len(selector.get_map()) < 16:
+        client = socket.socket(socket.AF_UNIX)
+        client.connect(path)
+        client.sendall(line * in_flight)
+        selector.register(client, selectors.EVENT_READ)
+    for key, _ in selector.select():
+        try:
+            came = key.fileobj.recv(65536)
+            key.fileobj.sendall(line * came.count(b"\\n"))
+        except OSError:
+            came = b""
+        if not came or b"made room" in came:
+            selector.unregister(key.fileobj)
+            key.fileobj.close()
+"""
+
+
+def occupy(stack, daemon, processes, line="", in_flight=0):
+    """So many processes with sixteen connections each, over which they ask the same without end, or nothing."""
+    arguments = [sys.executable, "-c", OCCUPANT, daemon.control_path, line, str(in_flight)]
+    for _ in range(processes):
+        process = subprocess.Popen(arguments, preexec_fn=die_with_parent)
+        stack.callback(process.wait)
+        stack.callback(process.kill)
+    with connect(daemon.folder / "status.sock") as looker:
+        clients = lambda: ask(looker, {"cmd": "status"})["status"]["control"]["clients"]  # noqa: E731
+        eventually(lambda: clients() == PLACES + 1, "places are free")
+
+
+def test_processes_that_have_a_silent_motor_switched_off_without_end_keep_nobody_else_out(folder):
+    servos = Servos("--ids", "1-16")
+    joints = dynamixel(servos.path, allow_writes=True)
+    with Daemon(folder / "d", SCENE, tick=TICK, joints=joints) as daemon, ExitStack() as stack:
+        daemon.wait_status(lambda s: s["joints"]["readings"] > 50, "nothing is read")
+        assert daemon.control("servo", joint="joint 5", torque=True)["ok"]
+        servos.tell("fault 1 silent")
+        occupy(stack, daemon, 8, '{"cmd":"servo","joint":"joint 1","torque":false}', in_flight=100)
+        for _ in range(5):
+            with connect(daemon.control_path) as client:
+                client.settimeout(60)  # bounds a failure
+                ask(client, {"cmd": "servo", "joint": "joint 5", "torque": False})
+            eventually(lambda: servos.register(5, *TORQUE) == 0, "the motor is on")
+    servos.close()
+
+
+def test_who_has_motors_switched_off_one_after_the_other_is_not_put_out_in_between(folder):
+    servos = Servos("--ids", "1-16")
+    with Daemon(folder / "d", SCENE, tick=TICK, joints=dynamixel(servos.path, **WRITING)) as daemon, ExitStack() as stack:
+        daemon.wait_status(lambda s: s["joints"]["readings"] > 50, "nothing is read")
+        occupy(stack, daemon, 20)
+
+        def answered():
+            with connect(daemon.control_path) as client, client.makefile("rb") as replies:
+                for n in range(2, 9):
+                    try:
+                        client.sendall(b'{"cmd":"servo","joint":"joint %d","torque":false}\n' % n)
+                        reply = replies.readline()
+                    except ConnectionError:
+                        reply = b""
+                    if b'"ok":true' not in reply:
+                        return n - 2
+            return 7
+
+        # A machine that is held up for a moment cuts some, as all were.
+        answers = [answered() for _ in range(12)]
+        assert 7 in answers, answers
     servos.close()
 
 

@@ -1,4 +1,12 @@
 //! Who is connected to a control socket, and who has to go when there are too many.
+//!
+//! A connection is kept for 100 ms until its first line is read, and while motors are switched off for it, with 100 ms behind
+//! each for the next; but for no longer than 400 ms from its coming or, once a second, from such a motor on. Where somebody
+//! comes, one that is not kept goes: one that has gone or asks too much, then one that is idle, and where more than half of the
+//! places are busy with requests and motors that are driven, one of these, drivers last.
+//!
+//! So where nobody can go at once, at least half of the places are kept, and none of them for longer than 400 ms. In that time
+//! half as many as there are places are let in, whatever the others do, and each has its place until it is heard.
 
 use super::asker::Process;
 use std::cell::{Cell, RefCell};
@@ -13,23 +21,30 @@ use tokio::time::{Instant, timeout};
 /// have. Fewer where fewer files may be open.
 pub(crate) const MOST_CLIENTS: usize = 128;
 
-/// So long a connection that has just come is not idle, since its first line may be on its way.
+/// So long the next line of a connection may be on its way: the first one, or that of the next motor to be switched off.
 const UNHEARD: Duration = Duration::from_millis(100);
+/// For how long a connection is kept, and once in which time.
+const KEPT: Duration = Duration::from_millis(400);
+const KEPT_INTERVAL: Duration = Duration::from_secs(1);
 /// How often it is looked whether somebody has become idle without a word.
 const LOOK: Duration = Duration::from_millis(10);
 
-/// What a client is doing, in the order in which they have to go; the last two only for others of their own process.
+/// What a client is doing, in the order in which they have to go; the last two are kept, but for others of their own process.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord)]
 pub(crate) enum Doing {
+    /// It hears no answer any more.
+    Gone,
     /// It asks more than it may, and has to wait.
     Waiting,
     /// It asks nothing, or does not take its reply.
     Nothing,
     /// What it asked for is being done.
     Obeying,
+    /// It holds a motor.
+    Driving,
     /// A motor is being switched off for it.
     Releasing,
-    /// It has just come, and nothing of it was read yet.
+    /// It has just come, or a motor was switched off for it, and nothing of it was read since.
     Unheard,
 }
 
@@ -48,6 +63,8 @@ pub(crate) struct Places {
 struct Client {
     process: Process,
     doing: Cell<(Doing, Instant)>,
+    /// Since when it has been kept, perhaps no longer.
+    kept: Cell<Instant>,
     leave: Notify,
 }
 
@@ -78,6 +95,7 @@ impl Places {
         let client = Rc::new(Client {
             process,
             doing: Cell::new((Doing::Unheard, now)),
+            kept: Cell::new(now),
             leave: Notify::new(),
         });
         self.clients.borrow_mut().push(client.clone());
@@ -110,14 +128,13 @@ impl Places {
     }
 
     /// Who goes: of the process that crowds the others, where one does, or what it does without end would keep out whoever
-    /// has not been heard yet. Else one that is idle: whoever comes waits until one is. Only where none will be soon, one
-    /// that drives a motor or whose request is being carried out.
+    /// has not been heard yet.
     fn leaving(&self, clients: &[Rc<Client>], now: Instant) -> Option<usize> {
         let crowding = most_crowding(self.most, clients.iter().map(|client| client.process));
-        let soon = |client: &Rc<Client>| matches!(client.doing(now).0, Doing::Unheard | Doing::Releasing);
-        let last = match clients.iter().any(soon) {
-            true => Doing::Nothing,
-            false => Doing::Obeying,
+        let is_busy = |client: &&Rc<Client>| matches!(client.doing(now).0, Doing::Obeying | Doing::Driving);
+        let last = match clients.iter().filter(is_busy).count() > clients.len() / 2 {
+            true => Doing::Driving,
+            false => Doing::Nothing,
         };
         let goes = |client: &Client| match crowding {
             Some((process, _)) => client.process == process,
@@ -137,11 +154,18 @@ impl Places {
 }
 
 impl Client {
-    /// What it does, and since when.
+    /// What it does, and since when; what it is kept for is over in time.
     fn doing(&self, now: Instant) -> (Doing, Instant) {
-        match self.doing.get() {
-            (Doing::Unheard, since) if now.duration_since(since) >= UNHEARD => (Doing::Nothing, since),
-            doing => doing,
+        let (doing, since) = self.doing.get();
+        let end = self.kept.get() + KEPT;
+        let (end, then) = match doing {
+            Doing::Unheard => (end.min(since + UNHEARD), Doing::Nothing),
+            Doing::Releasing => (end, Doing::Obeying),
+            _ => return (doing, since),
+        };
+        match now < end {
+            true => (doing, since),
+            false => (then, end.max(since)),
         }
     }
 }
@@ -149,7 +173,15 @@ impl Client {
 impl Place {
     /// Notes what its client does from now on.
     pub(crate) fn set(&self, doing: Doing, now: Instant) {
-        self.client.doing.set((doing, now));
+        let client = &self.client;
+        // Who has gone does not come back.
+        if client.doing.get().0 == Doing::Gone {
+            return;
+        }
+        if doing == Doing::Releasing && now >= client.kept.get() + KEPT_INTERVAL {
+            client.kept.set(now);
+        }
+        client.doing.set((doing, now));
         self.places.changed.notify_one();
     }
 
@@ -191,7 +223,7 @@ mod tests {
         let at = |ms| start + Duration::from_millis(ms);
         let held: Vec<Place> = (0..MOST as u64).map(|n| places.enter(None, at(n))).collect();
         // The two oldest are at work, the third has asked something since, and the fourth too much.
-        held[0].set(Doing::Releasing, at(500));
+        held[0].set(Doing::Releasing, at(501));
         held[1].set(Doing::Obeying, at(500));
         held[2].set(Doing::Nothing, at(500));
         held[3].slowed(at(500));
@@ -301,22 +333,146 @@ mod tests {
     }
 
     #[test]
-    fn who_drives_a_motor_goes_only_where_nobody_will_be_idle_soon() {
+    fn who_drives_a_motor_goes_last_of_those_that_are_busy_and_they_only_where_they_have_most_places() {
         let start = Instant::now();
         let places = Rc::new(Places::new(MOST));
         let enter = |pid| places.enter(Some((1000, Some(pid))), start);
         let driving = enter(1);
-        driving.set(Doing::Obeying, start);
+        driving.set(Doing::Driving, start);
         let silent: Vec<_> = (2..=MOST as i32).map(enter).collect();
         assert!(!places.has_room(start));
         let heard = start + UNHEARD;
-        let _new = places.enter(None, heard);
+        let new = places.enter(None, heard);
         assert!(has_to_go(&silent[0]) && !has_to_go(&driving));
-        // Nor would whoever comes wait for ever.
-        silent[1..]
-            .iter()
-            .for_each(|place| place.set(Doing::Obeying, heard));
-        assert!(places.has_room(heard + UNHEARD));
+        // With these the busy ones have half of the places.
+        let busy = &silent[1..MOST / 2];
+        busy.iter().for_each(|place| place.set(Doing::Obeying, heard));
+        (silent[MOST / 2..].iter()).for_each(|place| place.set(Doing::Releasing, heard));
+        assert!(!places.has_room(heard));
+        new.set(Doing::Obeying, heard);
+        assert!(places.has_room(heard));
+        let _newer = places.enter(None, heard);
+        assert!(has_to_go(&busy[0]) && !has_to_go(&driving) && !places.has_room(heard));
+    }
+
+    /// What a connection does at this time, ms, where it does something else than before.
+    type Habit = fn(number: usize, ms: u64) -> Option<Doing>;
+
+    const HABITS: [(&str, Habit); 7] = [
+        ("says nothing", |_, _| None),
+        ("switches motors off without a pause", |_, _| {
+            Some(Doing::Releasing)
+        }),
+        ("has one after the other switched off", |_, ms| match ms % 20 {
+            0 => Some(Doing::Releasing),
+            10 => Some(Doing::Unheard),
+            _ => None,
+        }),
+        ("begins as late as it may", |_, ms| {
+            (ms % 400 == 90).then_some(Doing::Releasing)
+        }),
+        ("asks", |_, ms| {
+            Some([Doing::Obeying, Doing::Nothing][ms as usize % 20 / 10])
+        }),
+        (
+            "asks for what takes long, but for one",
+            |number, ms| match number {
+                0 => (ms % 20 == 0).then_some(Doing::Releasing),
+                _ => Some(Doing::Obeying),
+            },
+        ),
+        ("does now this and now that", |number, ms| {
+            let random = (number as u64 * 7919 + ms).wrapping_mul(0x9E37_79B9_7F4A_7C15) >> 60;
+            let doing = [Doing::Releasing, Doing::Unheard, Doing::Obeying, Doing::Releasing];
+            doing.get(random as usize).copied()
+        }),
+    ];
+
+    #[test]
+    fn whoever_comes_is_let_in_in_time_and_heard_whatever_eight_processes_do_with_sixteen_connections_each() {
+        for (habit, does) in HABITS {
+            for comes_ms in (0..1500).step_by(250) {
+                let places = Rc::new(Places::new(MOST));
+                let start = Instant::now();
+                let enter = |number: usize, now| places.enter(Some((1000, Some(number as i32 / 16))), now);
+                let mut others: Vec<Place> = (0..MOST).map(|number| enter(number, start)).collect();
+                let mut new: Option<Place> = None;
+                let mut let_in_ms = None;
+                for ms in (0..comes_ms + 900).step_by(10) {
+                    let now = start + Duration::from_millis(ms);
+                    for (number, place) in others.iter_mut().enumerate() {
+                        if let Some(doing) = does(number, ms) {
+                            place.set(doing, now);
+                        }
+                        // Whose place is taken comes again, behind whoever waits.
+                        if new.is_some() && has_to_go(place) && places.has_room(now) {
+                            *place = enter(number, now);
+                        }
+                    }
+                    match &new {
+                        None if ms >= comes_ms && places.has_room(now) => {
+                            new = Some(places.enter(Some((1000, Some(99))), now));
+                            let_in_ms = Some(ms);
+                        }
+                        Some(place) => {
+                            // Its line comes after 90 ms, and its servo answers in no time.
+                            if let_in_ms.is_some_and(|let_in| ms == let_in + 90) {
+                                place.set(Doing::Releasing, now);
+                            }
+                            let is_kept = let_in_ms.is_some_and(|let_in| ms < let_in + 400);
+                            assert!(!is_kept || !has_to_go(place), "{habit}: {comes_ms} ms");
+                        }
+                        None => {}
+                    }
+                }
+                let waited = let_in_ms.map(|ms| ms - comes_ms);
+                assert!(
+                    waited.is_some_and(|ms| ms <= 400),
+                    "{habit}: {waited:?} from {comes_ms} ms"
+                );
+            }
+        }
+    }
+
+    #[test]
+    fn who_has_motors_switched_off_one_after_the_other_is_kept_until_the_last_but_not_for_ever() {
+        let start = Instant::now();
+        let at = |ms| start + Duration::from_millis(ms);
+        let places = Rc::new(Places::new(2));
+        let enter = |pid, ms| places.enter(Some((1000, Some(pid))), at(ms));
+        let client = enter(1, 0);
+        let mut silent: Option<Place> = None;
+        let mut has_room = |ms| {
+            // The other one always has just come.
+            drop(silent.take());
+            silent = Some(enter(2, ms));
+            places.has_room(at(ms))
+        };
+        for batch_ms in [0, 5000, 6000] {
+            for ms in (batch_ms..batch_ms + 400).step_by(100) {
+                client.set(Doing::Releasing, at(ms));
+                assert!(!has_room(ms + 10), "{ms} ms");
+                client.set(Doing::Unheard, at(ms + 20));
+                assert!(!has_room(ms + 99), "{ms} ms");
+            }
+            client.set(Doing::Releasing, at(batch_ms + 400));
+            client.set(Doing::Unheard, at(batch_ms + 420));
+            assert!(has_room(batch_ms + 420), "{batch_ms} ms");
+            client.set(Doing::Nothing, at(batch_ms + 500));
+        }
+    }
+
+    #[test]
+    fn who_has_gone_is_not_waited_for_whatever_it_had_asked() {
+        let places = Rc::new(Places::new(MOST));
+        let now = Instant::now();
+        let enter = |pid| places.enter(Some((1000, Some(pid))), now);
+        let held: Vec<_> = (0..MOST as i32).map(enter).collect();
+        held[7].set(Doing::Gone, now);
+        held[7].set(Doing::Releasing, now);
+        assert!(places.has_room(now));
+        let _new = enter(-1);
+        assert!(has_to_go(&held[7]) && !places.has_room(now));
     }
 
     #[test]

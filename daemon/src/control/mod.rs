@@ -1,13 +1,10 @@
 //! The control sockets: one JSON request per line, one JSON reply per line.
 //!
 //! There are two: one that only tells, for everybody who may see images, and one for those who may change something.
-//! Neither can be occupied. A connection too many takes the place of the one that has been idle for longest, and where one
-//! process has most of them, of its own alone. Who has just come is heard first. A client that asks without end is slowed. A
-//! request to switch off a motor that there is has a pace of its own, which nobody needs more of, and whose it is stays until
-//! that is done, and so is each that was asked for behind it.
-//!
-//! Who has gone, or made room, before a request of theirs is begun does not have it carried out, since nobody would know of
-//! it; a motor is switched off all the same.
+//! Neither can be occupied: whoever comes is let in within a moment, whatever others do, and heard (`places.rs` says why).
+//! A client that asks without end is slowed, but to switch off a motor that there is has a pace of its own, which nobody needs
+//! more of. Whoever has gone, or had to make room, has the motors switched off that it had asked to be, and nothing else done
+//! that was not begun, since nobody would know of it.
 
 mod request;
 
@@ -19,6 +16,7 @@ use nix::sys::socket::{MsgFlags, recv};
 use request::{Request, abandon, answer, refusal, release, report};
 use serde_json::Value;
 use std::cell::Cell;
+use std::collections::BTreeSet;
 use std::convert::Infallible;
 use std::future::pending;
 use std::os::fd::{AsFd, AsRawFd};
@@ -108,7 +106,7 @@ async fn attend(stream: UnixStream, state: &State, asker: Asker, place: &Place) 
         loop {
             tokio::select! {
                 left = &mut converse => return left,
-                why = talk.hold.deserted(hung_up(&talk.write)) => match why {
+                why = talk.hold.deserted(talk.gone()) => match why {
                     // Behind what it asked before, another motor may be to be switched off.
                     Deserted::Gone => talk.hold.let_go(),
                     Deserted::Silent(patience) => {
@@ -168,6 +166,12 @@ impl Talk<'_> {
         }
     }
 
+    /// Waits until the client has gone, who keeps no place then.
+    async fn gone(&self) {
+        hung_up(&self.write).await;
+        self.place.set(Doing::Gone, Instant::now());
+    }
+
     fn has_gone(&self) -> bool {
         self.hold.has_let_go() || has_gone(&self.write)
     }
@@ -190,7 +194,9 @@ impl Talk<'_> {
         let mut rest = vec![0; MAX_REQUEST as usize];
         let come = recv(self.write.as_ref().as_raw_fd(), &mut rest, MsgFlags::MSG_DONTWAIT).unwrap_or(0);
         line.extend(&rest[..come]);
-        for line in line.split(|byte| *byte == b'\n') {
+        // Thousands of the same are one.
+        let lines: BTreeSet<_> = line.split(|byte| *byte == b'\n').collect();
+        for line in lines {
             let request = Request::parse(line);
             if self.releases(&request)
                 && let Ok(request) = &request
@@ -243,20 +249,16 @@ impl Talk<'_> {
                 reply = self.obey(request, releases) => reply,
                 never = self.watch_for_more(read) => match never {},
             };
-            // No batch of releases is cut in the middle, up to their allowance.
-            let is_idle = !releases
-                || !next_line(read.buffer()).is_some_and(|next| self.releases(&Request::parse(next)));
-            if is_idle {
-                self.is_answered();
-            }
+            self.does(match releases {
+                true => Doing::Unheard,
+                false => Doing::Nothing,
+            });
             if !self.reply(&reply).await? || too_long {
                 return Ok(());
             }
             line.clear();
             // Who asks without end is idle for a moment, or nobody who waits for a place would ever have one.
-            if is_idle {
-                yield_now().await;
-            }
+            yield_now().await;
         }
         Ok(())
     }
@@ -271,11 +273,10 @@ impl Talk<'_> {
 
     /// Carries out a request, and gives the line that answers it.
     async fn obey(&self, request: Result<Request, String>, releases: bool) -> Rc<[u8]> {
-        let doing = match releases {
+        self.does(match releases {
             true => Doing::Releasing,
             false => Doing::Obeying,
-        };
-        self.place.set(doing, Instant::now());
+        });
         match request {
             Ok(Request::Status {}) => report(self.state).await,
             Ok(request) => {
@@ -288,11 +289,11 @@ impl Talk<'_> {
         }
     }
 
-    /// Notes that nothing is being done for the client, unless it holds a motor.
-    fn is_answered(&self) {
+    /// Notes what its client does, unless that holds a motor.
+    fn does(&self, doing: Doing) {
         let doing = match self.hold.patience() {
-            Some(_) => Doing::Obeying,
-            None => Doing::Nothing,
+            Some(_) => Doing::Driving,
+            None => doing,
         };
         self.place.set(doing, Instant::now());
     }
@@ -316,8 +317,6 @@ impl Talk<'_> {
             match self.write.try_write(bytes) {
                 Ok(written) => bytes = &bytes[written..],
                 Err(error) if error.kind() == std::io::ErrorKind::WouldBlock => {
-                    // It does not take its reply, and is no busier for what it asks behind.
-                    self.is_answered();
                     self.write.writable().await?;
                 }
                 Err(error) => return Err(error),
@@ -351,12 +350,6 @@ async fn read_line(read: &mut BufReader<OwnedReadHalf>, line: &mut Vec<u8>) -> s
         Ok(read) => read.map(|bytes| bytes > 0),
         Err(_) => Ok(false),
     }
-}
-
-/// The next request, where all of it is there.
-fn next_line(buffer: &[u8]) -> Option<&[u8]> {
-    let end = buffer.iter().position(|byte| *byte == b'\n')?;
-    Some(&buffer[..end])
 }
 
 fn line_of(reply: &Value) -> Vec<u8> {
