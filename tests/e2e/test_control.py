@@ -199,6 +199,8 @@ def test_nothing_keeps_a_motor_from_being_switched_off(folder):
 def test_whoever_makes_room_has_all_motors_switched_off_that_were_to_be(folder):
     servos = Servos("--ids", "1-16")
     off = b"".join(b'{"cmd":"servo","joint":"joint %d","torque":false}\n' % n for n in range(2, 9))
+    # However often, and however it is written: once each is enough.
+    off += b"".join(b'{"cmd":"servo","joint":"joint %d","torque":false}%s\n' % (n % 7 + 2, b" " * n) for n in range(200))
     daemon = Daemon(folder / "d", SCENE, tick=TICK, joints=dynamixel(servos.path, **WRITING))
     with ExitStack() as stack:
         stack.callback(daemon.kill)

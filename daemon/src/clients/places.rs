@@ -128,16 +128,18 @@ impl Places {
     }
 
     /// Who goes: of the process that crowds the others, where one does, or what it does without end would keep out whoever
-    /// has not been heard yet.
+    /// has not been heard yet. Who drives a motor crowds nobody: there are no more of them than motors.
     fn leaving(&self, clients: &[Rc<Client>], now: Instant) -> Option<usize> {
-        let crowding = most_crowding(self.most, clients.iter().map(|client| client.process));
+        let drives = |client: &Client| client.doing(now).0 == Doing::Driving;
+        let others = clients.iter().filter(|client| !drives(client));
+        let crowding = most_crowding(self.most, others.map(|client| client.process));
         let is_busy = |client: &&Rc<Client>| matches!(client.doing(now).0, Doing::Obeying | Doing::Driving);
         let last = match clients.iter().filter(is_busy).count() > clients.len() / 2 {
             true => Doing::Driving,
             false => Doing::Nothing,
         };
         let goes = |client: &Client| match crowding {
-            Some((process, _)) => client.process == process,
+            Some((process, _)) => client.process == process && !drives(client),
             None => client.doing(now).0 <= last,
         };
         (0..clients.len())
@@ -353,6 +355,20 @@ mod tests {
         assert!(places.has_room(heard));
         let _newer = places.enter(None, heard);
         assert!(has_to_go(&busy[0]) && !has_to_go(&driving) && !places.has_room(heard));
+    }
+
+    #[test]
+    fn who_drives_many_motors_by_a_connection_each_keeps_them_where_others_are_idle() {
+        let places = Rc::new(Places::new(MOST));
+        let start = Instant::now();
+        let enter = |pid| places.enter(Some((1000, Some(pid))), start);
+        let driving: Vec<_> = (0..MOST / 8 + 1).map(|_| enter(1)).collect();
+        driving.iter().for_each(|place| place.set(Doing::Driving, start));
+        let silent: Vec<_> = (driving.len()..MOST)
+            .map(|n| enter(2 + n as i32 % 8))
+            .collect();
+        let _new = places.enter(None, start + UNHEARD);
+        assert!(has_to_go(&silent[0]) && !driving.iter().any(has_to_go));
     }
 
     /// What a connection does at this time, ms, where it does something else than before.

@@ -194,12 +194,14 @@ impl Talk<'_> {
         let mut rest = vec![0; MAX_REQUEST as usize];
         let come = recv(self.write.as_ref().as_raw_fd(), &mut rest, MsgFlags::MSG_DONTWAIT).unwrap_or(0);
         line.extend(&rest[..come]);
-        // Thousands of the same are one.
-        let lines: BTreeSet<_> = line.split(|byte| *byte == b'\n').collect();
-        for line in lines {
+        // Each motor once, however often it was asked for.
+        let mut released = BTreeSet::new();
+        for line in line.split(|byte| *byte == b'\n') {
             let request = Request::parse(line);
             if self.releases(&request)
                 && let Ok(request) = &request
+                && let Some((joint, _)) = request.switched_motor()
+                && released.insert(joint.to_owned())
             {
                 release(request, self.state, &self.asker, &self.hold);
             }

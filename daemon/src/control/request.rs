@@ -65,7 +65,7 @@ impl Request {
     }
 
     /// The joint whose motor it has switched on or off, and which of both.
-    fn switched_motor(&self) -> Option<(&str, bool)> {
+    pub(super) fn switched_motor(&self) -> Option<(&str, bool)> {
         match self {
             Self::Servo(request) => request.switched_motor(),
             _ => None,
