@@ -241,3 +241,35 @@ fn what_a_torque_off_overtakes_is_told_so_however_far_it_has_come() {
         assert!(outcome.is_some_and(|result| result.is_err()), "{outcome:?}");
     }
 }
+
+#[test]
+fn that_a_motor_is_off_is_told_before_the_others_are_read() {
+    let pty = pty(2);
+    let mut config = config(pty.path(), 2);
+    config.allow_writes = true;
+    config.watchdog_ms = 2000;
+    let reader = ServoReader::start(&config).unwrap();
+    eventually(&reader, "read", all_read);
+    // Each cycle waits for it.
+    let late = ServoFault::Late { by_ns: 200_000_000 };
+    pty.bus().set_fault(2, Some(late), 1);
+    // What the bus counts is shown at the end of a cycle. A busy machine may look only then.
+    let end = Instant::now() + HANGS_AFTER;
+    loop {
+        let before = reader.snapshot().counters.writes_ok;
+        let number = reader.command(0, WriteCommand::Torque(false)).unwrap();
+        let told = eventually(&reader, "told", |s| {
+            s.servos[0]
+                .motor_off
+                .written
+                .is_some_and(|off| off.number == number)
+        });
+        assert_eq!(told.servos[0].torque_enabled, Some(false));
+        if told.counters.writes_ok == before {
+            break;
+        }
+        assert!(Instant::now() < end, "never before the end of the cycle");
+        let both = before + 2;
+        eventually(&reader, "at the end", |s| s.counters.writes_ok >= both);
+    }
+}

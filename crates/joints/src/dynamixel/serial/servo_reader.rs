@@ -73,6 +73,16 @@ impl Shared {
             *other != joint
         });
     }
+
+    /// Takes over what is known of the servos, and what became of what they were told.
+    fn take_servos(&mut self, bus: &mut Bus) {
+        for (i, state) in self.snapshot.servos.iter_mut().enumerate() {
+            if let Some(servo) = bus.servo(i) {
+                *state = *servo;
+            }
+        }
+        self.outcomes.append(bus.take_outcomes());
+    }
 }
 
 /// Reads servos on a serial port in a thread of its own, for ever: a port that goes away is opened again.
@@ -384,7 +394,8 @@ impl Thread {
         Ok(())
     }
 
-    /// One cycle; what is urgent goes between its requests, and it has no more of them once the thread shall end.
+    /// One cycle; between its requests what became of commands is shown, and what is urgent is sent. It has no more of them once
+    /// the thread shall end.
     fn cycle(&mut self, port: &mut SerialBus) -> Result<(), PortError> {
         let Self {
             bus,
@@ -397,6 +408,10 @@ impl Thread {
         } = self;
         port.cycle_while(bus, |bus| {
             steps.fetch_add(1, Ordering::Relaxed);
+            if bus.has_outcomes() {
+                // Whoever waits for it does not wait for the rest of the cycle.
+                lock(shared).take_servos(bus);
+            }
             if urgent.swap(false, Ordering::Acquire) {
                 std::mem::swap(&mut lock(shared).commands, commands);
                 bus.take(commands);
@@ -417,14 +432,9 @@ impl Thread {
             let shared = &mut *shared;
             std::mem::swap(&mut shared.commands, &mut self.commands);
             shared.snapshot.results.copy_from_slice(self.bus.results());
-            for (i, state) in shared.snapshot.servos.iter_mut().enumerate() {
-                if let Some(servo) = self.bus.servo(i) {
-                    *state = *servo;
-                }
-            }
+            shared.take_servos(&mut self.bus);
             shared.snapshot.counters = self.bus.counters();
             shared.snapshot.fast = self.bus.fast_state();
-            shared.outcomes.append(self.bus.outcomes());
             for (joint, result) in self.bus.results().iter().enumerate() {
                 if let Ok(reading) = result {
                     shared.history.push(joint, reading.t_ns, reading.angle_rad);

@@ -171,6 +171,7 @@ impl Bus {
         else {
             return;
         };
+        self.has_outcomes = true;
         let done = Written { number, result };
         if number == motor_off.newest {
             motor_off.written = Some(done);
@@ -185,8 +186,15 @@ impl Bus {
         self.outcomes.of(servo, number)
     }
 
-    /// Those of the commands that are done with, to be taken over by who keeps them.
-    pub(crate) fn outcomes(&mut self) -> &mut Outcomes {
+    /// Whether any are done with that were not taken over yet.
+    pub(crate) fn has_outcomes(&self) -> bool {
+        self.has_outcomes
+    }
+
+    /// Those of the commands that are done with, to be taken over by who keeps them; what became of those that switch motors off
+    /// is in [`ServoState::motor_off`].
+    pub(crate) fn take_outcomes(&mut self) -> &mut Outcomes {
+        self.has_outcomes = false;
         &mut self.outcomes
     }
 }

@@ -128,6 +128,8 @@ pub struct Bus {
     watchdog_steps: u8,
     writes: VecDeque<Write>,
     outcomes: Outcomes,
+    /// Whether there are new ones, or a motor that was to be off has news.
+    has_outcomes: bool,
     /// How often the write at the front was sent in vain, and whether no more are sent in this cycle but to switch motors off.
     write_tries: u32,
     writes_done: bool,
@@ -188,6 +190,7 @@ impl Bus {
             watchdog_steps: u8::try_from(config.watchdog_ms / 20).unwrap_or(127).clamp(1, 127),
             writes: VecDeque::with_capacity(QUEUE + 2 * n),
             outcomes: Outcomes::new(),
+            has_outcomes: false,
             write_tries: 0,
             writes_done: false,
             offs_untold: false,
