@@ -4,6 +4,7 @@
 mod double;
 mod full_queue;
 mod lost;
+mod offs;
 mod proof;
 mod restarts;
 mod shown;

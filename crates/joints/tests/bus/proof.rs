@@ -20,7 +20,7 @@ fn is_off(w: &World) -> bool {
 }
 
 /// Random bits of their own for each seed, stream and number.
-fn bits(seed: u64, stream: u64, number: u64) -> u64 {
+pub(crate) fn bits(seed: u64, stream: u64, number: u64) -> u64 {
     let mut x = (seed << 40 | stream << 32 | number).wrapping_mul(0x9E37_79B9_7F4A_7C15);
     x = (x ^ x >> 30).wrapping_mul(0xBF58_476D_1CE4_E5B9);
     x = (x ^ x >> 27).wrapping_mul(0x94D0_49BB_1331_11EB);

@@ -145,20 +145,14 @@ fn to_switch_a_motor_off_goes_before_every_other_command_and_before_the_readings
     w.bus.command(2, WriteCommand::Torque(false)).unwrap();
     w.bus.command(0, WriteCommand::Torque(false)).unwrap();
     w.cycle(5 * MS);
-    let (torque, watchdog) = (64, 98);
-    let mut both = Encoder::default();
-    let both = both.sync_write(torque.into(), &[3, 1].map(|id| Assignment { id, data: &[0] }));
-    assert_eq!(Some(w.requests.remove(0).as_slice()), both);
-    let first: Vec<_> = w.requests.iter().take(9).map(|r| write_of(r)).collect();
-    let off = |id, at| Some((id, at, 0));
-    // Each is asked behind it what it holds.
-    let told = [off(3, torque), off(3, watchdog), off(1, torque), off(1, watchdog)];
-    let expected: Vec<_> = told
-        .into_iter()
-        .flat_map(|off| [off, None])
-        .chain([None])
-        .collect();
-    assert_eq!(first, expected);
+    let both = [3, 1].map(|id| Assignment { id, data: &[0] });
+    for (at, requests) in [64, 98].into_iter().zip(w.requests.chunks(2)) {
+        assert_eq!(Some(&requests[0][..]), Encoder::default().sync_write(at, &both));
+        // They are asked behind it what they hold.
+        let is_asked = (requests[1][7], u16::from(requests[1][8]), &requests[1][12..14]);
+        assert_eq!(is_asked, (0x82, at, &[3, 1][..]));
+    }
+    assert_eq!(w.requests[4][8], 124, "where they are");
     w.cycles(3);
     let goals = w
         .requests

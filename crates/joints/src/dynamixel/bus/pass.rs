@@ -13,8 +13,6 @@ pub(crate) enum Kind {
     Slow(super::slow::Task),
     /// Servos are asked for their watchdogs, before their motors are told to move.
     Watchdog,
-    /// Motors are switched off in one packet, before each servo is told so again and asked whether it holds it.
-    Off,
     /// One or several servos are told something in one packet, which nobody answers.
     Told,
     /// Those are asked what they hold.
@@ -51,6 +49,8 @@ pub(crate) struct Pass {
     pub(crate) fast_refused: bool,
     /// The error number of a servo that refused to tell its watchdog, or what it holds.
     pub(crate) refused: Option<StatusError>,
+    /// How many of those that were told something have not said that they hold it; what they were told is in front of all else.
+    pub(crate) told: usize,
     /// Whether the one servo that was told something holds it, as it says; `None` before it does.
     pub(crate) held: Option<bool>,
 }
@@ -70,6 +70,7 @@ impl Pass {
             fast_done: false,
             fast_refused: false,
             refused: None,
+            told: 0,
             held: None,
         }
     }
@@ -110,8 +111,6 @@ impl Pass {
     pub(crate) fn is_complete(&self) -> bool {
         match self.kind {
             Kind::Fast => self.fast_done,
-            // It has to be over on the wire.
-            Kind::Off => false,
             Kind::Told => true,
             _ => self.answers.iter().all(|a| *a != Answer::Awaited),
         }

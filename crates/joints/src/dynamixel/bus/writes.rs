@@ -223,6 +223,16 @@ impl Write {
         self.address == address::GOAL_PWM && self.last
     }
 
+    /// Whether it is told in one packet with `first`: goals that are given together, and what has several motors switched off,
+    /// or clears their watchdogs, that was not in vain yet.
+    pub(crate) fn is_told_with(&self, first: &Write) -> bool {
+        let is_together = match self.urgent {
+            true => self.tries == 0 && first.tries == 0,
+            false => self.address == address::GOAL_PWM && self.number == first.number && self.number != 0,
+        };
+        is_together && self.address == first.address && self.urgent == first.urgent
+    }
+
     /// Whether it switches a motor off.
     pub(crate) fn is_motor_off(&self) -> bool {
         self.address == address::TORQUE_ENABLE && self.data[0] == 0
@@ -231,6 +241,24 @@ impl Write {
     /// Whether it is the one by which a motor that is to be off is switched off, and not the first of those that start one.
     pub(crate) fn switches_off(&self) -> bool {
         self.urgent && self.is_motor_off()
+    }
+
+    /// What is wrong where its servo answers and holds something else.
+    pub(crate) fn not_held(&self) -> WriteError {
+        match self.is_motor_off() {
+            true => WriteError::StillOn,
+            false => WriteError::NotHeld,
+        }
+    }
+
+    /// Clears the watchdog of a motor that is off.
+    pub(crate) fn disarming(off: &Write) -> Self {
+        Self {
+            number: off.number,
+            last: true,
+            urgent: true,
+            ..Self::new(off.servo, address::BUS_WATCHDOG, [0])
+        }
     }
 
     /// The writes that a command takes, in order. A watchdog that has tripped is cleared before it is armed, and meanwhile
@@ -248,7 +276,8 @@ impl Write {
         let writes: [_; WRITES_PER_COMMAND] = match command {
             WriteCommand::Torque(true) => starting(None),
             WriteCommand::Start(counts) => starting(pwm(counts)),
-            WriteCommand::Torque(false) => [torque(0), watchdog(0), None, None, None],
+            // Its watchdog is cleared once it says that it is off.
+            WriteCommand::Torque(false) => [torque(0), None, None, None, None],
             WriteCommand::GoalPwm(counts) => [pwm(counts), None, None, None, None],
         };
         let count = writes.iter().flatten().count();

@@ -108,7 +108,7 @@ impl Bus {
                 refused => self.pass.refused = refused,
             },
             Kind::ReadBack => self.take_held(position, status.error(), data),
-            Kind::Told | Kind::Off => {}
+            Kind::Told => {}
         }
     }
 

@@ -120,22 +120,28 @@ impl Bus {
                 i += 1;
             }
         }
-        let others = self
-            .writes
-            .iter()
-            .skip(out)
-            .take_while(|write| write.urgent && write.tries == 0)
-            .count();
-        self.insert_off(servo, out + others);
+        let mut told = self.writes.iter_mut().take(out);
+        if let Some(write) = told.find(|write| write.servo == servo && write.switches_off()) {
+            // It is being told so, and asked.
+            write.number = number;
+            return;
+        }
+        // One that is silent holds up none of those behind it where it is the last.
+        let rests = self.servos[servo].rests();
+        let goes_before = |write: &Write| {
+            write.switches_off() && write.tries == 0 && (rests || !self.servos[write.servo].rests())
+        };
+        let before = (self.writes.iter().skip(out)).take_while(|write| goes_before(write));
+        self.insert_off(servo, out + before.count());
         self.offs_untold = true;
     }
 
-    /// Puts the writes that switch a motor off into the queue.
+    /// Puts what switches a motor off into the queue.
     pub(super) fn insert_off(&mut self, servo: usize, at: usize) {
         let number = self.servos[servo].state.motor_off.newest;
-        let off = Write::of(servo, WriteCommand::Torque(false), self.watchdog_steps, number);
-        for (i, write) in off.enumerate() {
-            self.writes.insert(at + i, write);
+        let mut off = Write::of(servo, WriteCommand::Torque(false), self.watchdog_steps, number);
+        if let Some(off) = off.next() {
+            self.writes.insert(at, off);
         }
     }
 

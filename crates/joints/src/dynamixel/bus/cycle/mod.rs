@@ -395,7 +395,6 @@ impl Bus {
         let mut awaited = (pass.order.iter().zip(&pass.answers))
             .filter_map(|(i, answer)| (*answer == Answer::Awaited).then_some(i));
         let margin_ns = match pass.kind {
-            Kind::Off => return sent_ns + pass.wire_ns,
             // Its one packet has begun, and breaks off at the first that is silent.
             Kind::Fast if pass.heard_ns.is_some() && pass.order.iter().any(rests) => self.resting_margin_ns,
             // What is out may be in vain, and motors are to be off now.

@@ -43,7 +43,8 @@ impl Bus {
         let write = (self.writes.front().copied())
             .filter(|write| !self.writes_done || self.is_first_off(write, now_ns));
         if let Some(write) = write.filter(|write| write.urgent || self.again.is_empty()) {
-            if !self.tell_offs() && !self.ask_watchdogs() {
+            self.offs_untold = false;
+            if !self.ask_watchdogs() {
                 self.tell(write);
             }
             return true;
@@ -77,9 +78,9 @@ impl Bus {
         true
     }
 
-    /// Whether it switches a motor off, and was not sent yet: it is in this cycle, whoever was not heard in it, but not for so
-    /// long that the others are not read.
-    fn is_first_off(&self, write: &Write, now_ns: u64) -> bool {
+    /// Whether it switches a motor off, and nobody was waited for in vain for it: it is in this cycle, whoever was not heard in it,
+    /// but not for so long that the others are not read.
+    pub(super) fn is_first_off(&self, write: &Write, now_ns: u64) -> bool {
         write.urgent && write.tries == 0 && now_ns.saturating_sub(self.begun_ns) < OFFS_NS
     }
 
@@ -114,10 +115,8 @@ impl Bus {
     /// Draws the conclusions of a pass that is complete or past its deadline.
     pub(super) fn end_pass(&mut self, now_ns: u64) {
         self.pass_active = false;
-        match self.pass.kind {
-            Kind::Told => return self.read_back(),
-            Kind::Off => return,
-            _ => {}
+        if self.pass.kind == Kind::Told {
+            return self.read_back();
         }
         for (servo, answer) in self.pass.order.iter().zip(&self.pass.answers) {
             let came = *answer != Answer::Awaited;
@@ -133,9 +132,11 @@ impl Bus {
         }
         match self.pass.kind {
             Kind::Watchdog => self.end_watchdogs(),
-            Kind::ReadBack if self.pass.order.len() > 1 => self.end_together(),
-            Kind::ReadBack => self.end_write(now_ns),
-            Kind::Told | Kind::Off => {}
+            Kind::ReadBack if self.pass.order.len() == 1 => self.end_write(now_ns),
+            Kind::ReadBack if self.pass.told == 0 => self.write_tries = 0,
+            Kind::ReadBack if self.writes.front().is_some_and(|write| write.urgent) => self.end_offs(now_ns),
+            Kind::ReadBack => self.end_together(),
+            Kind::Told => {}
             Kind::Slow(_) => self.counters.slow_unanswered += u64::from(unanswered),
             Kind::Plain => self.end_plain(now_ns),
             Kind::Fast => self.end_fast(unanswered, now_ns),
@@ -211,21 +212,12 @@ impl Bus {
         }
     }
 
-    /// What was out in vain is at the front again, to switch a motor off, and goes behind what does so for other servos.
-    pub(super) fn let_other_offs_pass(&mut self) {
-        let writes = self.writes.make_contiguous();
-        let urgent = writes.iter().take_while(|write| write.urgent).count();
-        let own = (writes.iter().take(urgent)).take_while(|write| write.servo == writes[0].servo);
-        let own = own.count();
-        writes[..urgent].rotate_left(own);
-    }
-
-    /// A motor of which nobody knows whether it is off keeps its watchdog.
-    pub(super) fn keep_watchdog(&mut self, failed: &Write) {
-        let next = self.writes.front();
-        if next.is_some_and(|next| next.urgent && next.servo == failed.servo && !next.is_motor_off()) {
-            self.writes.pop_front();
-        }
+    /// A write goes behind those that follow and of which this says so; says whether there are any.
+    pub(super) fn let_pass(&mut self, at: usize, passes: impl Fn(&Write) -> bool) -> bool {
+        let passing = self.writes.iter().skip(at + 1).take_while(|write| passes(write));
+        let count = passing.count();
+        self.writes.make_contiguous()[at..=at + count].rotate_left(1);
+        count > 0
     }
 
     /// A motor whose watchdog could not be armed, or whose first goal was not taken, is not switched on; one that runs is switched off.

@@ -2,7 +2,8 @@
 //!
 //! An acknowledgement says nothing of what it acknowledges: one of an earlier write that comes late would stand for one that
 //! was lost on the way. So a servo is told something in a sync write, and asked behind it for the register. Several are given
-//! goals in one packet, so that all take them at the same instant.
+//! goals in one packet, so that all take them at the same instant, and several motors switched off, so that none waits for
+//! another servo's answer.
 
 use super::requests::load;
 use super::{Bus, LEADS, WRITE_TRIES};
@@ -54,19 +55,17 @@ impl Bus {
     /// How many writes at the front are on their way to the servos.
     pub(super) fn writes_out(&self) -> usize {
         match self.pass.kind {
-            Kind::Told | Kind::ReadBack if self.pass_active => self.pass.order.len(),
+            Kind::Told | Kind::ReadBack if self.pass_active => self.pass.told,
             _ => 0,
         }
     }
 
-    /// Prepares the packet with the write at the front, and with the goals behind it that belong together with it.
+    /// Prepares the packet with the write at the front, and with those behind it that are told together with it.
     pub(super) fn tell(&mut self, first: Write) {
         let mut told = [(0, [0; 2]); MAX_JOINTS];
         self.pass.order.clear();
-        let same = self.writes.iter().take_while(|write| {
-            write.address == address::GOAL_PWM && write.number == first.number && first.number != 0
-        });
-        let count = same.clone().count().max(1);
+        let same = self.writes.iter().take_while(|write| write.is_told_with(&first));
+        let count = same.count().max(1);
         for (place, write) in told.iter_mut().zip(self.writes.iter().take(count)) {
             *place = (self.servos[write.servo].id, write.data);
             self.pass.order.push(write.servo);
@@ -88,42 +87,21 @@ impl Bus {
             self.servos[first.servo].switched_on();
         }
         self.pass.begin(Kind::Told, first.address, 0);
+        self.pass.told = self.pass.order.len();
         self.activate();
     }
 
-    /// Has all motors switched off in one packet that are newly to be off, where there are several: none of them waits for
-    /// another's answer. `false` where there are not.
-    pub(super) fn tell_offs(&mut self) -> bool {
-        if !std::mem::take(&mut self.offs_untold) {
-            return false;
-        }
-        let mut assignments = [Assignment { id: 0, data: &[0] }; MAX_JOINTS];
-        let offs = (self.writes.iter()).filter(|write| write.switches_off() && write.tries == 0);
-        let mut count = 0;
-        for (assignment, off) in assignments.iter_mut().zip(offs) {
-            assignment.id = self.servos[off.servo].id;
-            count += 1;
-        }
-        if count < 2 {
-            return false;
-        }
-        let at = address::TORQUE_ENABLE;
-        load(
-            &mut self.request,
-            self.encoder.sync_write(at, &assignments[..count]),
-        );
-        self.pass.order.clear();
-        self.pass.begin(Kind::Off, at, 0);
-        self.activate();
-        true
-    }
-
-    /// How long a servo may take to say what it holds. Where it is to be off and others as well, it is given little more than
-    /// its answers took so far, and with each try longer, so that those that answer do not wait for those that fell silent.
+    /// How long servos may take to say what they hold. Where one is to be off and others as well, they are given little more than
+    /// their answers took so far, and with each try longer, so that those that answer do not wait for those that fell silent.
     pub(super) fn read_back_margin_ns(&self) -> u64 {
         let mut urgent = self.writes.iter().take_while(|write| write.urgent);
         match urgent.next() {
-            Some(first) if urgent.any(|write| write.servo != first.servo) => self.off_margin_ns(first),
+            Some(first) if urgent.any(|write| write.servo != first.servo) => {
+                let out = self.writes.iter().take(self.pass.told);
+                out.map(|write| self.off_margin_ns(write))
+                    .max()
+                    .unwrap_or(self.margin_ns)
+            }
             _ => self.margin_ns,
         }
     }
@@ -157,118 +135,177 @@ impl Bus {
         self.pass.request_bytes += before;
     }
 
-    /// A servo says what it holds, or refuses to.
+    /// A servo says what it holds, or refuses to. Where several were told something, those that hold it wait for no other.
     pub(super) fn take_held(&mut self, position: usize, refused: Option<StatusError>, data: &[u8]) {
-        let Some(write) = self.writes.get(position).copied() else {
-            return;
+        let servo = self.pass.order[position];
+        let mut out = self.writes.iter().take(self.pass.told);
+        let Some(at) = out.position(|write| write.servo == servo) else {
+            return self.take_held_again(servo, data);
         };
-        let held = refused.is_none() && is_held(&write, data);
+        let held = refused.is_none() && is_held(&self.writes[at], data);
         if self.pass.order.len() == 1 {
             // Of two servos with one id both have to.
             self.pass.held = Some(held && self.pass.held != Some(false));
             self.pass.refused = self.pass.refused.or(refused);
-            return;
+        } else if held {
+            self.end_held(at);
+        } else if !self.writes[at].urgent {
+            self.end_goal(at, WriteError::NotHeld);
         }
-        let result = if held { Ok(()) } else { Err(WriteError::NotHeld) };
-        self.end_goal(position, result);
+    }
+
+    /// A second answer with the id of one that holds what it was told: of two servos with one id both have to be off.
+    fn take_held_again(&mut self, servo: usize, data: &[u8]) {
+        let is_on = data.first().is_some_and(|torque| *torque != 0);
+        if self.pass.address == address::TORQUE_ENABLE && is_on {
+            self.writes.retain(|write| write.servo != servo || !write.urgent);
+            self.still_on(servo);
+        }
+    }
+
+    /// A servo holds what it was told.
+    fn end_held(&mut self, at: usize) {
+        let Some(write) = self.writes.remove(at) else {
+            return;
+        };
+        self.pass.told -= 1;
+        self.counters.writes_ok += 1;
+        self.servos[write.servo].confirmed(write.address, write.data[0]);
+        if write.last {
+            self.note(write.servo, write.number, Ok(()));
+        }
+        let urgent = self.writes.iter().take_while(|write| write.urgent);
+        if write.switches_off() && urgent.clone().all(|other| other.servo != write.servo) {
+            // Its watchdog waits until the others have said that they are off.
+            let behind = urgent.count();
+            self.writes.insert(behind, Write::disarming(&write));
+        }
+    }
+
+    /// One of several has not taken its goal, or will not say so any more.
+    fn end_goal(&mut self, at: usize, error: WriteError) {
+        if let Some(write) = self.writes.remove(at) {
+            self.pass.told -= 1;
+            self.counters.writes_failed += 1;
+            self.note(write.servo, write.number, Err(error));
+        }
     }
 
     /// A servo has said whether it holds what it was told, or will not any more.
     pub(super) fn end_write(&mut self, now_ns: u64) {
-        let Some(write) = self.writes.pop_front() else {
+        let Some(write) = self.writes.front().copied() else {
             return;
         };
-        let result = match (self.pass.answers[0], self.pass.refused) {
-            (Answer::Got, None) if self.pass.held == Some(true) => Ok(()),
-            (Answer::Got, None) if write.is_motor_off() => Err(WriteError::StillOn),
-            (Answer::Got, None) => Err(WriteError::NotHeld),
-            (Answer::Got, Some(error)) => Err(WriteError::Servo(error)),
-            (Answer::Damaged, _) => Err(WriteError::Damaged),
-            (Answer::Awaited, _) => Err(WriteError::Silent),
-        };
-        let is_heard = self.pass.answers[0] == Answer::Got;
-        // One that answers is told again at once, others in the next cycle.
-        self.writes_done |= !is_heard;
-        if result.is_err() && self.pass.refused.is_none() {
-            let tries = match write.urgent {
-                true => write.tries + 1,
-                false => self.write_tries + 1,
-            };
-            self.write_tries = tries;
-            if tries < WRITE_TRIES && self.servos[write.servo].state.alive {
-                self.writes.push_front(Write { tries, ..write });
-                match write.urgent && !is_heard {
-                    true => self.let_other_offs_pass(),
-                    false => self.let_urgent_pass(),
-                }
+        let error = match (self.pass.answers[0], self.pass.refused) {
+            (Answer::Got, None) if self.pass.held == Some(true) => {
+                self.write_tries = 0;
+                return self.end_held(0);
+            }
+            (Answer::Got, None) => write.not_held(),
+            (Answer::Got, Some(error)) => WriteError::Servo(error),
+            (Answer::Damaged, _) => WriteError::Damaged,
+            (Answer::Awaited, _) if self.is_left(&write, now_ns) => {
+                self.tell_again(0);
                 return;
             }
-        }
-        self.write_tries = 0;
-        if result.is_ok() {
-            self.counters.writes_ok += 1;
-            self.servos[write.servo].confirmed(write.address, write.data[0]);
-            if write.last || write.switches_off() {
-                self.note(write.servo, write.number, result);
-            }
-            let is_slow = self.servos[write.servo].usual_ns > self.resting_margin_ns;
-            let next = self.writes.front().filter(|next| next.servo == write.servo);
-            if is_slow && write.switches_off() && next.is_some() {
-                // Its watchdog waits until the others have said that they are off.
-                self.let_other_offs_pass();
-            }
-            return;
-        }
-        self.counters.writes_failed += 1;
-        if write.urgent && !write.is_motor_off() {
-            // The motor is off, so that its watchdog has nothing to stop.
-            return;
-        }
-        self.note(write.servo, write.number, result);
-        if write.switches_off() {
-            self.servos[write.servo].off_failed(is_heard, now_ns);
-            self.keep_watchdog(&write);
-        } else if write.address == address::BUS_WATCHDOG || !write.last {
-            self.call_off_torque(&write);
-        } else if write.is_motor_on() && result == Err(WriteError::NotHeld) {
-            // It says that its motor is off.
-            self.servos[write.servo].state.may_run = false;
-        }
+            (Answer::Awaited, _) => WriteError::Silent,
+        };
+        self.told_in_vain(0, error, now_ns);
     }
 
-    fn end_goal(&mut self, at: usize, result: Result<(), WriteError>) {
-        let write = self.writes[at];
-        match result {
-            Ok(()) => self.counters.writes_ok += 1,
-            Err(_) => self.counters.writes_failed += 1,
+    /// Of several motors that are to be off, or watchdogs of such, all have said what they hold, or will not any more. Those that
+    /// may only have waited for one that is silent are told again together, the others each by itself.
+    pub(super) fn end_offs(&mut self, now_ns: u64) {
+        let mut at = 0;
+        for _ in 0..self.pass.told {
+            let Some(write) = self.writes.get(at).copied() else {
+                return;
+            };
+            let Some(position) = self.pass.position_of(write.servo) else {
+                return;
+            };
+            let stays = match self.pass.answers[position] {
+                Answer::Got => self.told_in_vain(at, write.not_held(), now_ns),
+                Answer::Damaged => self.told_in_vain(at, WriteError::Damaged, now_ns),
+                Answer::Awaited if self.pass.is_silent(position) && !self.is_left(&write, now_ns) => {
+                    self.told_in_vain(at, WriteError::Silent, now_ns)
+                }
+                Answer::Awaited => self.tell_again(at),
+            };
+            at += usize::from(stays);
         }
-        self.note(write.servo, write.number, result);
     }
 
     /// All have said what they hold, or will not any more. Those that were not heard are given their goals again in the next
     /// cycle: a busy host can miss an answer.
     pub(super) fn end_together(&mut self) {
-        let again = self.write_tries + 1 < WRITE_TRIES;
-        let mut at = 0;
-        for position in 0..self.pass.order.len() {
-            let error = match self.pass.answers[position] {
-                Answer::Got => None,
-                Answer::Damaged => Some(WriteError::Damaged),
-                Answer::Awaited => Some(WriteError::Silent),
-            };
-            match error {
-                Some(_) if again => {
-                    at += 1;
-                    continue;
-                }
-                Some(error) => self.end_goal(at, Err(error)),
-                None => {}
-            }
-            self.writes.remove(at);
+        if self.write_tries + 1 < WRITE_TRIES {
+            self.write_tries += 1;
+            self.writes_done = true;
+            self.let_urgent_pass();
+            return;
         }
-        self.writes_done = at > 0;
-        self.write_tries = if at > 0 { self.write_tries + 1 } else { 0 };
-        self.let_urgent_pass();
+        self.write_tries = 0;
+        for position in 0..self.pass.order.len() {
+            match self.pass.answers[position] {
+                Answer::Got => {}
+                Answer::Damaged => self.end_goal(0, WriteError::Damaged),
+                Answer::Awaited => self.end_goal(0, WriteError::Silent),
+            }
+        }
+    }
+
+    /// Whether its servo was not waited for as long as it should have been, since other motors are to be off now.
+    fn is_left(&self, write: &Write, now_ns: u64) -> bool {
+        self.offs_untold && self.is_first_off(write, now_ns)
+    }
+
+    /// A servo that may only have had no time to answer is told again with the others; watchdogs wait for motors that are to be
+    /// off. Says whether the write stays where it is.
+    fn tell_again(&mut self, at: usize) -> bool {
+        self.writes[at].is_motor_off() || !self.let_pass(at, |next| next.urgent)
+    }
+
+    /// What a servo was told is told again, or has failed. Says whether it stays where it is.
+    fn told_in_vain(&mut self, at: usize, error: WriteError, now_ns: u64) -> bool {
+        let write = self.writes[at];
+        let is_heard = !matches!(error, WriteError::Silent | WriteError::Damaged);
+        // One that answers is told again at once, others in the next cycle.
+        self.writes_done |= !is_heard;
+        let tries = match write.urgent {
+            true => &mut self.writes[at].tries,
+            false => &mut self.write_tries,
+        };
+        *tries += 1;
+        let again = *tries < WRITE_TRIES && !matches!(error, WriteError::Servo(_));
+        if again && self.servos[write.servo].state.alive {
+            if !write.urgent {
+                self.let_urgent_pass();
+                return false;
+            }
+            let passes = |next: &Write| match is_heard {
+                true => next.switches_off() && next.tries == 0,
+                false => next.urgent,
+            };
+            return !self.let_pass(at, passes);
+        }
+        self.writes.remove(at);
+        self.write_tries = 0;
+        self.counters.writes_failed += 1;
+        if write.urgent && !write.is_motor_off() {
+            // The motor is off, so that its watchdog has nothing to stop.
+            return false;
+        }
+        self.note(write.servo, write.number, Err(error));
+        if write.switches_off() {
+            self.servos[write.servo].off_failed(is_heard, now_ns);
+        } else if write.address == address::BUS_WATCHDOG || !write.last {
+            self.call_off_torque(&write);
+        } else if write.is_motor_on() && error == WriteError::NotHeld {
+            // It says that its motor is off.
+            self.servos[write.servo].state.may_run = false;
+        }
+        false
     }
 }
 

@@ -36,9 +36,7 @@ impl Bus {
             (Task::State, [torque, ..])
                 if *torque != 0 && self.servos[servo].is_to_be_off && self.is_settled(servo) =>
             {
-                let number = self.servos[servo].state.motor_off.newest;
-                self.note(servo, number, Err(WriteError::StillOn));
-                self.servos[servo].owe_off();
+                self.still_on(servo);
             }
             (Task::Watchdog, [watchdog]) if self.is_armed(servo) => {
                 let armed = self.watchdog_steps;
@@ -51,6 +49,13 @@ impl Bus {
             }
             _ => {}
         }
+    }
+
+    /// A servo that is to be off says that its motor is on.
+    pub(super) fn still_on(&mut self, servo: usize) {
+        let number = self.servos[servo].state.motor_off.newest;
+        self.note(servo, number, Err(WriteError::StillOn));
+        self.servos[servo].owe_off();
     }
 
     /// Whether a servo is still to be told nothing but goals.
