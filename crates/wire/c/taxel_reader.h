@@ -599,6 +599,8 @@ static inline enum taxel_result taxel_receive(int fd, uint8_t *packet, size_t si
  *
  * The answer is a HELLO, after which the images are as asked for, or an EVENT that says why not. A recorder that wants
  * every raw frame in order, not the newest: "{\"image\": false, \"raw\": true, \"every\": true}".
+ *
+ * TAXEL_OK also where the daemon lets this client go: taxel_receive() then has the EVENT that says why, and TAXEL_CLOSED.
  */
 static inline enum taxel_result taxel_subscribe(int fd, const char *json)
 {
@@ -627,7 +629,7 @@ static inline enum taxel_result taxel_subscribe(int fd, const char *json)
     do
         sent = sendmsg(fd, &message, MSG_NOSIGNAL);
     while (sent < 0 && errno == EINTR);
-    return sent < 0 ? TAXEL_SOCKET : TAXEL_OK;
+    return sent < 0 && errno != EPIPE && errno != ECONNRESET ? TAXEL_SOCKET : TAXEL_OK;
 }
 
 #endif /* __linux__ */

@@ -309,6 +309,26 @@ fn a_daemon_that_leaves_with_a_subscription_unread_has_closed_the_connection_in_
 }
 
 #[test]
+fn who_is_let_go_before_it_subscribes_is_told_why_in_c_too() {
+    let dir = tempfile::tempdir().unwrap();
+    let program = dir.path().join("leaves");
+    if c_program::compile("tests/leaves.c", &program).is_none() {
+        return;
+    }
+    let daemon = FakeDaemon::new();
+    let mut leaves = Command::new(program);
+    leaves.arg(daemon.path()).arg("late");
+    let mut driver = Driver::start(leaves);
+    let client = daemon.accept();
+    client.send(&Event::new(EventKind::Disconnect, "all places are taken").to_packet(0, 0));
+    drop(client);
+    assert_eq!(driver.line(), "subscribed");
+    let farewell = driver.line();
+    assert!(farewell.contains("all places are taken"), "{farewell}");
+    assert_eq!(driver.line(), "closed");
+}
+
+#[test]
 fn no_reader_follows_a_socket_in_a_folder_of_a_user_that_another_user_owns() {
     let daemon = FakeDaemon::new();
     // Of a user that no machine has. The socket behind it answers, so that it is the folder that is refused.
