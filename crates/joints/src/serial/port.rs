@@ -4,6 +4,7 @@ use super::low_latency;
 use nix::fcntl::{FcntlArg, OFlag, fcntl};
 use serialport::{ClearBuffer, SerialPort, TTYPort};
 use std::io::{self, ErrorKind, Read, Write};
+use std::os::unix::fs::MetadataExt;
 use std::path::{Path, PathBuf};
 use std::time::{Duration, Instant};
 use taxel_can::monotonic_ns;
@@ -20,6 +21,19 @@ pub enum PortError {
         baud: u32,
         /// What the system said.
         source: io::Error,
+    },
+    /// The link leads to a pseudo terminal that was made after it, with a number that was free again: another program's.
+    #[error(
+        "{link} leads to {device}, a terminal that is younger than the link, as another program's is where a simulator has \
+         ended without removing its link; start the simulator again, or make the link anew",
+        link = .link.display(),
+        device = .device.display()
+    )]
+    LeftOver {
+        /// The last link on the way to the device.
+        link: PathBuf,
+        /// The terminal.
+        device: PathBuf,
     },
     /// It was open and is gone, or does not take bytes.
     #[error("{path} is gone ({source}): unplugged, or its driver reset it; it is opened again as soon as it is back", path = .path.display())]
@@ -78,6 +92,9 @@ impl Port {
         };
         // A link's end is looked up anew each time: the device may have come back under another number.
         let device = std::fs::canonicalize(path).map_err(failed)?;
+        if let Some(link) = left_over(path, &device) {
+            return Err(PortError::LeftOver { link, device });
+        }
         let name = device.to_string_lossy();
         let tty = TTYPort::open(&serialport::new(name, baud)).map_err(|e| {
             failed(match e.kind {
@@ -177,6 +194,22 @@ impl Port {
             source,
         }
     }
+}
+
+/// The link to a pseudo terminal, where that is younger by more than a second: some file systems keep whole seconds alone.
+/// Of what is done to a terminal only a change of its mode or owner makes it younger.
+fn left_over(path: &Path, device: &Path) -> Option<PathBuf> {
+    if !device.starts_with("/dev/pts") {
+        return None;
+    }
+    let (mut link, mut end) = (None, path.to_owned());
+    while let Ok(target) = end.read_link() {
+        let next = end.parent()?.join(target);
+        link = Some(std::mem::replace(&mut end, next));
+    }
+    let link = link?;
+    let made_s = link.symlink_metadata().ok()?.mtime();
+    (made_s + 1 < device.metadata().ok()?.ctime()).then_some(link)
 }
 
 /// The latency timer of an FTDI adapter, ms; `None` for any other device.

@@ -154,6 +154,43 @@ fn a_port_that_is_not_there_yet_is_opened_when_it_comes() {
 }
 
 #[test]
+fn a_terminal_that_is_younger_than_the_link_to_it_is_anothers_and_left_alone() {
+    let folder = tempfile::tempdir().unwrap();
+    let [left, name] = ["left", "name"].map(|name| folder.path().join(name));
+    let link = |target: &Path, link: &Path| std::os::unix::fs::symlink(target, link).unwrap();
+    let long_ago = |link: &Path| {
+        let touched = std::process::Command::new("touch")
+            .args(["-h", "-d", "2001-01-01"])
+            .arg(link)
+            .status();
+        assert!(touched.unwrap().success());
+    };
+    let pty = pty(1);
+    link(pty.path(), &left);
+    link(Path::new("left"), &name);
+    long_ago(&left);
+    let reader = ServoReader::start(&config(&name, 1)).unwrap();
+    let end = Instant::now() + HANGS_AFTER;
+    let reason = loop {
+        assert!(Instant::now() < end && reader.snapshot().counters.cycles == 0);
+        if let PortState::Away { reason, .. } = reader.port().state {
+            break reason;
+        }
+        std::thread::sleep(Duration::from_millis(2));
+    };
+    let from = format!("{} leads to {}", left.display(), pty.path().display());
+    assert!(
+        reason.contains(&from) && reason.contains("start the simulator"),
+        "{reason}"
+    );
+    // Made anew. A name that leads to a link is as old as it likes.
+    std::fs::remove_file(&left).unwrap();
+    link(pty.path(), &left);
+    long_ago(&name);
+    eventually(&reader, "read", all_read);
+}
+
+#[test]
 fn angles_are_given_for_the_instant_that_is_asked_for() {
     let motion = Motion::Sine {
         centre: 2048.0,
