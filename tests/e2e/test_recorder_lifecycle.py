@@ -79,6 +79,16 @@ def test_a_hand_is_compared_where_the_daemon_answers_by_another_name_and_one_of_
         assert whole.returncode == 0 and not re.search("not built in|not known", whole.stderr), whole.stderr
 
 
+def test_a_bus_without_a_name_is_called_as_the_daemon_or_the_configuration_calls_it(start, folder, record):
+    sources = [f"udp:{GROUP}:{free_udp_port()}" for _ in range(2)]
+    daemon = start([f"{source}?hops=0" for source in sources])
+    for name, *more in [("daemon", "--socket", daemon.images), ("file", "--config", daemon.config)]:
+        silent = record(name, "--can", sources[1], "--json", *more)
+        assert json.loads(silent.stdout)["silent"] == ["can1"] and "is called" not in silent.stderr, silent.stderr
+    other = record("other", "--socket", daemon.images, "--can", f"udp:{GROUP}:{free_udp_port()}?hops=0", "--json")
+    assert json.loads(other.stdout)["silent"] == ["can2"] and "is called can2" in other.stderr, other.stderr
+
+
 def test_a_recording_of_which_nothing_came_that_was_asked_for_fails_and_says_why(start, record):
     daemon = start(socket={"max_subscribers": 1})
     silent = f"udp:{GROUP}:{free_udp_port()}?hops=0"

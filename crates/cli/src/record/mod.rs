@@ -1,6 +1,7 @@
 //! `taxel record`: everything that a running hand sends and the daemon makes of it, into an MCAP file.
 
 mod described;
+mod named;
 mod outcome;
 mod same_hand;
 
@@ -21,7 +22,6 @@ use std::path::{Path, PathBuf};
 use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, Ordering};
 use std::time::Duration;
-use taxel_can::SourceAddress;
 use taxel_playback::head::is_here;
 use taxel_playback::interrupt::Interrupt;
 use taxel_record::FileKind;
@@ -61,8 +61,9 @@ pub(crate) struct Args {
     /// --socket]
     #[arg(long, value_name = "PATH", conflicts_with = "no_daemon")]
     control: Option<PathBuf>,
-    /// A bus, can:INTERFACE or udp:GROUP:PORT, and what it is called in the recording; repeat it for several [default: those
-    /// of the configuration, or that the daemon reads]
+    /// A bus, can:INTERFACE or udp:GROUP:PORT, and what it is called in the recording [default: as its interface, or as the
+    /// configuration or the daemon calls it]; repeat it for several [default: those of the configuration, or that the daemon
+    /// reads]
     #[arg(long, value_name = "[NAME=]SOURCE")]
     can: Vec<String>,
     /// No raw CAN
@@ -269,12 +270,13 @@ impl Args {
         daemon_runs: bool,
     ) -> anyhow::Result<Vec<CanInput>> {
         if !self.names_no_bus() {
-            return self
-                .can
-                .iter()
-                .enumerate()
-                .map(|(place, text)| bus(place, text))
-                .collect();
+            return named::named(&self.can, || match (config, status_socket) {
+                (Some((config, _)), _) => buses_of(config),
+                (None, Some(socket)) => {
+                    status_of_daemon(socket).map_or_else(|_| Vec::new(), |status| buses_of_daemon(&status))
+                }
+                (None, None) => Vec::new(),
+            });
         }
         let (can, whose) = match (config, status_socket) {
             (Some((config, file)), _) => (buses_of(config), file.display().to_string()),
@@ -303,36 +305,6 @@ impl Args {
 fn is_same_socket(a: &Path, b: &Path) -> bool {
     let whole = |path: &Path| path.canonicalize().ok();
     a == b || whole(a).is_some_and(|a| Some(a) == whole(b))
-}
-
-/// `NAME=SOURCE`, or a source that is called as its interface is, or can0, can1, .. by its place.
-fn bus(place: usize, text: &str) -> anyhow::Result<CanInput> {
-    let (name, address) = match text.split_once('=') {
-        Some((name, address)) if !name.contains(':') => (Some(name), address),
-        _ => (None, text),
-    };
-    let address: SourceAddress = address.parse().map_err(wrong_use)?;
-    let name = match (&address, name) {
-        (SourceAddress::Log { .. } | SourceAddress::Sim { .. }, _) => {
-            return Err(wrong_use(format!(
-                "--can {text}: a recording or a scene is no bus; name can:INTERFACE or udp:GROUP:PORT"
-            )));
-        }
-        (SourceAddress::Pressure { .. }, _) => {
-            return Err(wrong_use(format!(
-                "--can {text}: a pressure array is no bus; its counts are in the raw frames, which are kept"
-            )));
-        }
-        (_, Some(name)) => name.to_owned(),
-        (SourceAddress::Can { interface }, None) => interface.clone(),
-        (SourceAddress::Udp { .. }, None) => format!("can{place}"),
-    };
-    if name.is_empty() || name.chars().any(char::is_whitespace) {
-        return Err(wrong_use(format!(
-            "--can {text}: {name:?} is no name of a bus; it has one character or more, and no blanks"
-        )));
-    }
-    Ok(CanInput { name, address })
 }
 
 fn buses_of(config: &Config) -> Vec<CanInput> {
@@ -416,19 +388,5 @@ mod tests {
         for text in ["", "MB", "-1k", "1 parsec", "nan"] {
             assert!(size(text).is_err(), "{text}");
         }
-    }
-
-    #[test]
-    fn a_bus_is_called_as_it_is_said_or_as_its_interface_or_by_its_place() {
-        let name = |place, text: &str| bus(place, text).map(|bus| bus.name).map_err(|e| e.to_string());
-        assert_eq!(name(0, "can:vcan3"), Ok("vcan3".into()));
-        assert_eq!(name(1, "udp::43114"), Ok("can1".into()));
-        assert_eq!(
-            name(1, "left=udp:239.74.163.2:43114?interface=lo"),
-            Ok("left".into())
-        );
-        assert_eq!(name(1, "udp:239.74.163.2:43114?interface=lo"), Ok("can1".into()));
-        assert!(name(0, "sim:tap").unwrap_err().contains("no bus"));
-        assert!(name(0, "=can:can0").unwrap_err().contains("no name"));
     }
 }

@@ -490,6 +490,16 @@ fn what_cannot_be_converted_or_recorded_is_refused_with_what_to_do() {
             &["record", "a.mcap", "--no-daemon", "--can", "log:a.log"],
             "is no bus",
         ),
+        (
+            &[
+                "record",
+                "a.mcap",
+                "--no-daemon",
+                "--can=left=can:a",
+                "--can=left=can:b",
+            ],
+            "--can left=can:b: another bus is called left",
+        ),
     ] {
         let err = fails(&dir, args, 2);
         assert!(err.contains(wanted), "taxel {args:?}: {err}");
