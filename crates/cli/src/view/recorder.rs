@@ -50,7 +50,7 @@ impl Recorder {
         if let Some(ongoing) = ongoing.take() {
             return Some(ongoing.finish().join("; "));
         }
-        match begin(images, PathBuf::from(file_name(SystemTime::now())), seen.clone()) {
+        match begin(images, free_name(Path::new(""), SystemTime::now()), seen.clone()) {
             Ok(begun) => {
                 let words = format!("recording {}; r ends it", begun.file);
                 *ongoing = Some(begun);
@@ -99,10 +99,18 @@ fn begin(images: &Path, out: PathBuf, seen: Arc<Mutex<Seen>>) -> anyhow::Result<
     Ok(Ongoing { file, stop, thread })
 }
 
-/// A name by the time, UTC: `taxel-20261122T120455Z.mcap`.
-fn file_name(now: SystemTime) -> String {
+/// A file of this folder that is named by the time, UTC, as `taxel-20261122T120455Z.mcap`; behind it a number, `_2`, where
+/// another recording was begun within that second.
+fn free_name(folder: &Path, now: SystemTime) -> PathBuf {
     let utc = humantime::format_rfc3339_seconds(now.max(UNIX_EPOCH)).to_string();
-    format!("taxel-{}.mcap", utc.replace(['-', ':'], ""))
+    let stem = format!("taxel-{}", utc.replace(['-', ':'], ""));
+    let mut name = folder.join(format!("{stem}.mcap"));
+    let mut number = 2;
+    while name.exists() {
+        name.set_file_name(format!("{stem}_{number}.mcap"));
+        number += 1;
+    }
+    name
 }
 
 #[cfg(test)]
@@ -112,14 +120,19 @@ mod tests {
 
     #[test]
     fn a_recording_is_named_by_the_time() {
+        let folder = tempfile::tempdir().unwrap();
         for (seconds, name) in [
             (0, "taxel-19700101T000000Z.mcap"),
             (951_782_400, "taxel-20000229T000000Z.mcap"),
             (1_795_349_095, "taxel-20261122T120455Z.mcap"),
             (4_107_542_399, "taxel-21000228T235959Z.mcap"),
             (4_107_542_400, "taxel-21000301T000000Z.mcap"),
+            (4_107_542_400, "taxel-21000301T000000Z_2.mcap"),
+            (4_107_542_400, "taxel-21000301T000000Z_3.mcap"),
         ] {
-            assert_eq!(file_name(UNIX_EPOCH + Duration::from_secs(seconds)), name);
+            let file = free_name(folder.path(), UNIX_EPOCH + Duration::from_secs(seconds));
+            assert_eq!(file, folder.path().join(name));
+            std::fs::write(&file, "").unwrap();
         }
     }
 }
