@@ -7,7 +7,7 @@ import subprocess
 import pyte
 from harness.bus import GROUP, free_udp_port
 from harness.daemon import binary, eventually
-from harness.terminal import Terminal
+from harness.terminal import Screen, Terminal
 
 
 def test_of_a_daemon_that_says_nothing_it_is_told_that_it_may_hang(folder):
@@ -150,3 +150,12 @@ def test_keys_are_asked_of_the_control_socket_that_is_named(start, folder):
         finally:
             terminal.process.kill()
             os.close(terminal.keys)
+
+
+def test_a_line_of_watch_that_the_terminal_is_too_narrow_for_ends_in_dots(start, folder):
+    arguments = ["--hz", "--count", "1", "--socket", start().images]
+    terminal = Terminal(folder, "watch", *arguments, screen=Screen(40, 30))
+    assert terminal.process.wait() == 0 and terminal.shows(" here  latency")
+    (line,) = (line for line in terminal.screen.display if " here  latency" in line)
+    assert line.rstrip().endswith("…"), line
+    os.close(terminal.keys)

@@ -31,11 +31,12 @@ class Screen(pyte.Screen):
 
 
 class Terminal:
-    """A program on a terminal of 100x30."""
+    """A program on a terminal, of 100x30 or as large as its screen."""
 
     def __init__(self, folder, *arguments, screen=None):
         self.keys, theirs = pty.openpty()
-        fcntl.ioctl(theirs, termios.TIOCSWINSZ, struct.pack("HHHH", 30, 100, 0, 0))
+        self.screen = screen or Screen(100, 30)
+        fcntl.ioctl(theirs, termios.TIOCSWINSZ, struct.pack("HHHH", self.screen.lines, self.screen.columns, 0, 0))
         os.set_blocking(self.keys, False)
         self.process = subprocess.Popen(
             [binary("taxel"), *map(str, arguments)],
@@ -49,7 +50,6 @@ class Terminal:
         )
         os.close(theirs)
         # What is sent are changes of the picture: a letter that was there before is not sent again.
-        self.screen = screen or Screen(100, 30)
         self.stream = pyte.ByteStream(self.screen)
 
     def shows(self, text):

@@ -4,10 +4,12 @@ use crate::notices;
 use crate::rates::Rates;
 use crate::reconnect::with_daemon;
 use anyhow::Context;
+use ratatui::crossterm::terminal::window_size;
 use std::io::{self, IsTerminal, Write};
 use std::path::PathBuf;
 use std::time::{Instant, SystemTime};
 use taxel_playback::{image_line, raw_line};
+use taxel_view::shortened;
 use taxel_wire::{Clock, Header, Hello, Received, Subscribe, Subscriber};
 
 /// Print one line per tactile image of a running daemon.
@@ -164,8 +166,14 @@ impl Watch<'_> {
     fn line(&mut self, line: &str) -> anyhow::Result<()> {
         self.lines += 1;
         match self.in_place {
-            // To the start of the line, and the rest of it cleared; a line that is too long is cut off.
-            true => write!(self.out, "\r\x1b[?7l{line}\x1b[K\x1b[?7h").and_then(|()| self.out.flush()),
+            // To the start of the line, which is cleared; what a window that is narrower by now has no room for is cut off.
+            true => {
+                let line = match window_size() {
+                    Ok(window) if window.columns > 0 => shortened(line, window.columns.into()),
+                    _ => line.to_owned(),
+                };
+                write!(self.out, "\r\x1b[K\x1b[?7l{line}\x1b[?7h").and_then(|()| self.out.flush())
+            }
             false => writeln!(self.out, "{line}"),
         }
         .context("stdout")

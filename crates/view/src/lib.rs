@@ -29,6 +29,7 @@ pub use figures::Figures;
 pub use flat::Hand;
 pub use keys::Action;
 pub use outline::{letter, outline};
+pub use paint::shortened;
 pub use panes::{Heading, draw};
 pub use picture::Picture;
 pub use screen::Screen;

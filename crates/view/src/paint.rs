@@ -108,7 +108,7 @@ pub(crate) fn text_width(text: &str) -> usize {
 }
 
 /// As much of a sentence as so many columns have room for, with dots where it goes on.
-pub(crate) fn shortened(text: &str, most: usize) -> String {
+pub fn shortened(text: &str, most: usize) -> String {
     if text_width(text) <= most {
         return text.into();
     }
