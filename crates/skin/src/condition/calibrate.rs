@@ -48,8 +48,10 @@ pub(super) struct Calibration {
     /// Taxels without a baseline after the last calibration; they find their own when they speak.
     late: usize,
     next_late: usize,
+    /// What the running calibration has found so far, or the last one did.
     pub(super) report: CalibrationReport,
-    reported: bool,
+    /// What the last one found that has ended.
+    ended: Option<CalibrationReport>,
 }
 
 impl Calibration {
@@ -68,7 +70,7 @@ impl Calibration {
             late: 0,
             next_late: 0,
             report: CalibrationReport::default(),
-            reported: false,
+            ended: None,
         }
     }
 
@@ -91,7 +93,7 @@ impl Calibration {
     }
 
     pub(super) fn report(&self) -> Option<&CalibrationReport> {
-        self.reported.then_some(&self.report)
+        self.ended.as_ref()
     }
 
     /// There is nothing to be measured, but for `late` taxels that have no baseline.
@@ -338,14 +340,14 @@ impl Conditioner {
             report.count(self.settled_faults(n));
         }
         report.without_baseline = late as u32;
+        self.calibration.ended = Some(report.clone());
         self.calibration.report = report;
         self.calibration.late = late;
         self.calibration.next_late = 0;
         for n in 0..taxels {
             self.calibration.windows.clear(n);
         }
-        (self.calibration.reported, self.calibration.progress) = (true, 1.0);
-        self.calibration.phase = Phase::Done;
+        (self.calibration.phase, self.calibration.progress) = (Phase::Done, 1.0);
         self.counters.calibrations += 1;
     }
 

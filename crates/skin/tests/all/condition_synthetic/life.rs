@@ -109,6 +109,18 @@ fn a_touch_during_calibration_is_reported_and_does_not_raise_the_threshold() {
 }
 
 #[test]
+fn what_a_calibration_found_stands_until_the_next_one_has_ended() {
+    let mut skin = calibrated(64);
+    let found = skin.conditioner.report().cloned();
+    skin.conditioner.rezero();
+    while skin.conditioner.is_calibrating() {
+        assert_eq!(skin.conditioner.report(), found.as_ref());
+        skin.step();
+    }
+    assert_ne!(skin.conditioner.report(), found.as_ref());
+}
+
+#[test]
 fn a_rezero_takes_what_is_held_as_rest_and_a_second_one_lets_go() {
     let mut skin = calibrated(2);
     press(&mut skin, 1, 900);
