@@ -48,7 +48,9 @@ pub(crate) struct Snapshot {
     pub(crate) faulty: usize,
     /// What conditioning made of their counts.
     pub(crate) conditioning: ConditionCounters,
-    /// Whether the hand moved while it was calibrated.
+    /// Calibrations that had ended before what was felt; its threshold is that of the last of them.
+    pub(crate) calibrations: u64,
+    /// Whether the hand moved in the last of them.
     pub(crate) moved: bool,
     /// Whether images are paused.
     pub(crate) paused: bool,
@@ -98,6 +100,7 @@ impl Snapshot {
             missing: 0,
             faulty: 0,
             conditioning: ConditionCounters::default(),
+            calibrations: 0,
             moved: false,
             paused: false,
             joints: JointsSnapshot::new(joints),
@@ -114,7 +117,7 @@ impl Snapshot {
 
     /// Copies what the hand felt, and counts it.
     pub(crate) fn take_felt(&mut self, felt: &Frames) {
-        self.moved = felt.moved;
+        (self.calibrations, self.moved) = (felt.calibrations, felt.moved);
         let (felt, force) = (&felt.force, &mut self.force);
         force.seq = felt.seq;
         force.t_ns = felt.t_ns;

@@ -211,9 +211,7 @@ fn report_out_of_use(state: &State, now: &Snapshot, out_of_use: &mut OutOfUse, a
 fn calibration_events(before: Option<&Snapshot>, now: &Snapshot) -> impl Iterator<Item = Event> {
     let was_calibrating = before.is_none_or(|before| before.force.calibrating);
     let is_calibrating = now.force.calibrating;
-    let calibrations = |look: &Snapshot| look.conditioning.calibrations;
-    let is_measured =
-        calibrations(now) > before.map_or(0, calibrations) || (was_calibrating && !is_calibrating);
+    let is_measured = now.calibrations > before.map_or(0, |before| before.calibrations);
     let begins = || {
         Event::new(
             EventKind::Calibrating,
@@ -338,12 +336,15 @@ fn call_roll(state: &State, now: Option<&Snapshot>) {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use taxel_can::Received;
+    use taxel_engine::{Engine, EngineConfig};
+    use taxel_skin::{ConditionConfig, Layout};
 
     #[test]
     fn a_baseline_that_is_measured_between_two_looks_is_told() {
         let look = |calibrations, calibrating, threshold| {
             let mut look = Snapshot::new(1, 1, 1, 0);
-            look.conditioning.calibrations = calibrations;
+            look.calibrations = calibrations;
             (look.force.calibrating, look.force.threshold) = (calibrating, threshold);
             look
         };
@@ -375,6 +376,66 @@ mod tests {
                 told.len() == wanted.len() && told.iter().zip(&wanted).all(is_wanted),
                 "{told:?}, not {wanted:?}"
             );
+        }
+    }
+
+    #[test]
+    fn each_baseline_is_told_once_while_frames_have_its_threshold() {
+        const TIMES: usize = 12;
+        let layout = Layout::builtin("uskin-module").unwrap();
+        // Looked at each 100 ms, and measured anew after so many ticks: at each place between two looks.
+        for (conditioning, rate_hz, look_ticks, rezero_ticks) in [
+            (ConditionConfig::robust(), 10.0, 1, 23),
+            (ConditionConfig::robust(), 30.0, 3, 61),
+            (ConditionConfig::paper(), 100.0, 10, 31),
+        ] {
+            let mut config = EngineConfig::new(layout.clone());
+            (config.conditioning, config.tick.rate_hz) = (conditioning, rate_hz);
+            let mut engine = Engine::new(&config, 0).unwrap();
+            let (mut told, mut before) = (Vec::new(), None);
+            for tick in 1..=TIMES * rezero_ticks {
+                let now_ns = tick as u64 * config.tick.period_ns();
+                // Each time it is noisier.
+                let most = 20 + 10 * (tick / rezero_ticks) as u16;
+                for k in 0..layout.len() as u16 {
+                    let counts = 30_000 + (tick as u16) * (7 + k) % most;
+                    let wiring = &layout.wiring[0];
+                    let frame = wiring.protocol.frame(wiring.board, k, [counts; 3], 0x80);
+                    let (t_ns, frame) = (now_ns - 1, frame.unwrap());
+                    engine.handle_frame(0, &Received { t_ns, frame });
+                    engine.drain(&mut |_| ());
+                }
+                engine.handle_time(now_ns);
+                engine.drain(&mut |_| ());
+                if tick % look_ticks == 0 {
+                    let mut now = Snapshot::new(1, 1, layout.len(), 0);
+                    now.take_felt(engine.frames());
+                    told.extend(
+                        calibration_events(before.as_ref(), &now).map(|event| (event, now.force.clone())),
+                    );
+                    before = Some(now);
+                }
+                if tick % rezero_ticks == 0 {
+                    engine.rezero();
+                }
+            }
+            // The first begins before anybody looks.
+            let wanted = [EventKind::Calibrated, EventKind::Calibrating]
+                .into_iter()
+                .cycle();
+            let kinds: Vec<EventKind> = told.iter().map(|(event, _)| event.event).collect();
+            assert_eq!(
+                kinds,
+                wanted.take(2 * TIMES - 1).collect::<Vec<_>>(),
+                "{rate_hz} Hz"
+            );
+            for (event, force) in told.iter().step_by(2) {
+                let measured = format!("baseline measured, contact threshold {:.1}", force.threshold);
+                assert!(
+                    event.message.starts_with(&measured) && !force.calibrating,
+                    "{rate_hz} Hz: {event:?}, {force:?}"
+                );
+            }
         }
     }
 

@@ -16,7 +16,9 @@ pub struct Frames {
     /// Baseline of each taxel, counts x, y, z; not a number where it has none. It means nothing while
     /// [`ForceFrame::calibrating`].
     pub baseline: Vec<[f32; 3]>,
-    /// Whether the hand moved while it was last calibrated ([`CalibrationReport::moved`](taxel_skin::CalibrationReport)).
+    /// Calibrations that had ended before the frame; its threshold is that of the last of them.
+    pub calibrations: u64,
+    /// Whether the hand moved in the last of them ([`CalibrationReport::moved`](taxel_skin::CalibrationReport)).
     pub moved: bool,
 }
 
@@ -28,17 +30,19 @@ impl Frames {
             tactile: TactileFrame::new(taxels),
             force: ForceFrame::new(taxels),
             baseline: vec![[0.0; 3]; taxels],
+            calibrations: 0,
             moved: false,
         }
     }
 
     /// What the skin feels of the tactile frame at hand, and above which baseline; no contact while `paused`.
     pub(crate) fn feel(&mut self, conditioner: &mut Conditioner, paused: bool) {
+        self.calibrations = conditioner.counters().calibrations;
+        self.moved = conditioner.report().is_some_and(|report| report.moved);
         conditioner.process(&self.tactile, &mut self.force);
         if paused {
             self.force.contact.fill(false);
         }
-        self.moved = conditioner.report().is_some_and(|report| report.moved);
         for (taxel, (baseline, known)) in self.baseline.iter_mut().zip(conditioner.baseline()).enumerate() {
             *baseline = match conditioner.has_baseline(taxel) {
                 true => known.map(|counts| counts as f32),
