@@ -16,7 +16,6 @@ use crate::screen::{Right, Screen};
 use ratatui::buffer::Buffer;
 use ratatui::layout::{Margin, Position, Rect};
 use ratatui::style::{Modifier, Style};
-use ratatui::widgets::{Clear, Widget};
 
 /// Lines below the panels.
 const LINES: u16 = 4;
@@ -101,9 +100,11 @@ pub fn draw(
     };
     draw_panels(buffer, panels, picture, screen, palette);
     if screen.help {
-        let box_area = middle.inner(Margin::new(2, 0));
-        Clear.render(box_area, buffer);
-        help::draw(buffer, box_area, screen, palette);
+        let below_heading = Rect {
+            height: area.height - 1,
+            ..middle
+        };
+        help::draw(buffer, below_heading.inner(Margin::new(2, 0)), screen, palette);
     }
     extra
 }

@@ -438,19 +438,28 @@ fn on_a_narrow_terminal_keys_are_listed_before_digits_and_colours_are_explained(
 }
 
 #[test]
-fn every_key_is_listed_and_an_extra_pane_has_its_room() {
+fn every_key_is_listed_or_it_is_said_that_there_are_more() {
     let mut screen = Screen::new();
     screen.help = true;
-    let shown = text(&drawn_with((80, 24), &picture(), &screen, Palette::True));
-    for keys in crate::keys::KEYS
-        .iter()
-        .enumerate()
-        .filter(|(list, _)| *list != 1)
-    {
-        for (key, what) in *keys.1 {
+    let shown = |size| text(&drawn_with(size, &picture(), &screen, Palette::True));
+    let [daemon, _, both] = crate::keys::KEYS;
+    for size in [(80, 24), (80, 20)] {
+        let shown = shown(size);
+        for (key, what) in daemon.iter().chain(both) {
             assert!(shown.contains(&format!("{key:8}{what}")), "{key}\n{shown}");
         }
+        assert!(!shown.contains("more on"), "{shown}");
     }
+    let shown = shown((40, 14));
+    let listed = daemon.iter().chain(both);
+    let listed = listed.filter(|(key, _)| shown.contains(&format!("│ {key:8}")));
+    assert_eq!(listed.count(), 10, "{shown}");
+    assert!(shown.contains(" 6 more on a terminal of 20 rows "), "{shown}");
+    assert!(shown.contains("arrows  look at a taxel; Esc: at…"), "{shown}");
+}
+
+#[test]
+fn an_extra_pane_has_its_room() {
     for (size, fits) in [((80, 24), true), ((120, 40), true), ((50, 24), false)] {
         let area = Rect::new(0, 0, size.0, size.1);
         let mut buffer = Buffer::empty(area);
