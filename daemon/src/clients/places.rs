@@ -364,9 +364,7 @@ mod tests {
         let enter = |pid| places.enter(Some((1000, Some(pid))), start);
         let driving: Vec<_> = (0..MOST / 8 + 1).map(|_| enter(1)).collect();
         driving.iter().for_each(|place| place.set(Doing::Driving, start));
-        let silent: Vec<_> = (driving.len()..MOST)
-            .map(|n| enter(2 + n as i32 % 8))
-            .collect();
+        let silent: Vec<_> = (driving.len()..MOST).map(|n| enter(2 + n as i32 % 8)).collect();
         let _new = places.enter(None, start + UNHEARD);
         assert!(has_to_go(&silent[0]) && !driving.iter().any(has_to_go));
     }
