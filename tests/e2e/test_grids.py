@@ -5,7 +5,7 @@ import subprocess
 import numpy as np
 import pytest
 import taxel_reader
-from following_actuators import Follower
+from following_actuators import Follower, heights
 from harness.daemon import binary
 
 
@@ -70,7 +70,7 @@ def where_the_recipe_puts_them(folder, frames, actuators):
     for i, (image, force) in enumerate(zip(made, frames)):
         y, x = np.nonzero(force > 0.5)
         xy = np.column_stack([x, y])
-        _, member = follower.follow(xy, height=force[y, x] / force.max())
+        _, member = follower.follow(xy, height=heights(force[y, x]))
         assert image.contacts == len(xy)
         assert [(a.id, a.x, a.y) for a in image.actuators] == [(k, *xy[n]) for k, n in sorted(member.items())], f"frame {i}"
     return made

@@ -15,7 +15,8 @@ ROUNDS, SWAPS, FALLS = 6, 4, 16.0
 LEAST_SHARE, QUIET_SHARE, FIRST_FRAMES, QUIET_FRAMES, RANKED = 0.002, 0.1, 4, 4, 64
 PATIENCE, TRIED_POINTS, MOST_TRIES = 2.0, 1000, 4
 TRIES, MOST_FOUND, NEAR_LEAST, DOUBT = 4, 8, 1.06, 1.25
-MOST_RAISED, MOST_GIVEN, TRADES = 6, (0.02, 0.01), 2
+MOST_RAISED, MOST_GIVEN, TRADES = 5, (0.02, 0.01), 2
+STEPS_A_PITCH, RAISED_SHARE = 4.0, 0.25
 
 
 def in_order(terms):
@@ -38,6 +39,16 @@ def neighbour_distance(modules):
         apart[apart == 0] = np.inf
         near += [square for row in apart for square in row if square <= 1.001 * row.min() < np.inf]
     return sorted(near)[len(near) // 2] ** 0.5 if near else 1.0
+
+
+def heights(forces, reach=2.0, force_distance=1.0):
+    """Of contacts in the order of their list: how far their forces are above the least. None without a difference."""
+    rho = np.asarray(forces, dtype=np.float64)
+    steps = in_order([(b - a) * (b - a) for a, b in zip(rho, rho[1:])])
+    if steps == 0.0:
+        return None
+    step = np.sqrt(steps / (len(rho) - 1))
+    return force_distance * (reach / 2) / (STEPS_A_PITCH * step) * (rho - rho.min())
 
 
 class Follower:
@@ -148,9 +159,9 @@ class Follower:
 
     def assign(self):
         """To the nearest centroids; the lowest bits of a distance say whose it is. Returns how many labels changed."""
-        d = self.xy[:, None, :] - self.at[None, :, :]
+        d, dz = self.xy[:, None, :] - self.at[None, :, :], self.height[:, None] - self.tall[None, :]
         d = d * d
-        bits = (d[:, :, 0] + d[:, :, 1]).view(np.uint32)
+        bits = (d[:, :, 0] + d[:, :, 1] + dz * dz).view(np.uint32)
         tagged = np.sort(bits & ~self.id_bits | np.arange(self.k, dtype=np.uint32), axis=1)
         label = (tagged[:, 0] & self.id_bits).astype(int)
         changed = int(np.count_nonzero(label != self.label))
@@ -174,11 +185,7 @@ class Follower:
                 self.tall[i] = self.sums[i, 3] / self.sums[i, 2]
 
     def cost(self):
-        flat = in_order(self.weight * self.near.astype(np.float64))
-        if not self.raised:
-            return flat
-        height = self.height.astype(np.float64)
-        return flat + (in_order(self.weight * height * height) - in_order([h * h / w for _, _, w, h in self.sums if w > 0]))
+        return in_order(self.weight * self.near.astype(np.float64))
 
     def settle(self, most=None):
         """Until nothing changes. With `most`: returns False when the cost does not fall fast enough to come below it."""
@@ -203,8 +210,7 @@ class Follower:
         for n, (x, y) in enumerate(self.xy.astype(np.float64)):
             own, w = self.label[n], self.weight[n]
             left = self.sums[own, 2] - w
-            below = self.height[n] - self.tall[own]
-            near = self.near[n] + below * below
+            near = self.near[n]
             if self.stays(n, near, most) or left <= 0:
                 continue
             to = self.cheapest(n, own)
@@ -250,24 +256,28 @@ class Follower:
                 n = int(np.argmax(self.near))
                 if self.near[n] == 0:
                     return woke
-                if jumps and self.weight[n] * float(self.near[n]) * lost <= self.jump_gain * self.cost():
+                if jumps and self.weight[n] * float(self.near[n]) * lost <= self.gain() * self.cost():
                     return woke
-                self.at[i] = self.xy[n]
+                self.at[i], self.tall[i] = self.xy[n], self.height[n]
                 self.moved[i] = woke = True
-                d = (self.xy - self.xy[n]) ** 2
-                self.near = np.minimum(self.near, d[:, 0] + d[:, 1])
+                d, dz = (self.xy - self.xy[n]) ** 2, self.height - self.height[n]
+                self.near = np.minimum(self.near, d[:, 0] + d[:, 1] + dz * dz)
         return woke
 
     # Swaps
 
+    def gain(self):
+        """What a swap is asked to save for each jump, as a share of the cost."""
+        return RAISED_SHARE * self.jump_gain if self.raised and self.jump_gain < 1 else self.jump_gain
+
     def quiet_gain(self):
         """What a swap is asked to save for each jump in a quiet frame: the less, the longer none was made."""
-        return self.jump_gain * QUIET_SHARE * PATIENCE / (PATIENCE + self.patience)
+        return self.gain() * QUIET_SHARE * PATIENCE / (PATIENCE + self.patience)
 
     def improve(self):
         cost = self.cost()
         if self.judged is not None and 16 * self.changes < len(self.xy):
-            if abs(cost - self.judged) <= 0.5 * self.jump_gain * self.judged:
+            if abs(cost - self.judged) <= 0.5 * self.gain() * self.judged:
                 return
         made = 0
         while made < SWAPS and any(self.make(swap) for swap in self.best_swaps(made > 0)):
@@ -296,7 +306,10 @@ class Follower:
                 if self.sums[i, 2] > 0:
                     self.tall[i] = self.sums[i, 3] / self.sums[i, 2]
             self.ranking = None
-            changed = self.move_single_contacts() > 0
+            changed = self.assign()
+            if changed:
+                self.centre()
+            changed = changed + self.move_single_contacts() > 0
             if changed:
                 self.settle()
         if self.jump_gain < 1 and self.look_further():
@@ -331,18 +344,18 @@ class Follower:
         """Squared distance of a place from where a bound id stood."""
         if not self.is_bound(i):
             return 0.0
-        dx, dy = (float(F(b) - F(a)) for a, b in zip(self.stood[i], to))
+        dx, dy = (float(F(b) - F(a)) for a, b in zip(self.stood[i], to[:2]))
         return dx * dx + dy * dy
 
     def asked(self, dissolved, split, kept, gain):
-        jumps = int(self.is_bound(dissolved)) + int(self.way(split, kept) > float(self.reach) ** 2)
+        reach = float(self.reach) ** 2
+        jumps = int(self.is_bound(dissolved)) + int(self.way(split, kept) > reach)
         cost = self.cost()
-        return max(LEAST_SHARE * cost, jumps * (gain * cost))
+        return max(LEAST_SHARE * cost, jumps * (gain * max(cost, reach)))
 
     def losses(self):
         """What it costs to dissolve each cluster: its contacts go to their second nearest centroids, or it merges with another."""
-        own, other = self.height - self.tall[self.label], self.height - self.tall[self.second]
-        near, next = (d.astype(np.float64) for d in (self.near + own * own, self.next + other * other))
+        near, next = (d.astype(np.float64) for d in (self.near, self.next))
         joined = self.sums[self.second, 2]
         share = np.where(joined > 0, joined / (joined + self.weight), 1.0)
         loss = np.bincount(self.label, weights=self.weight * (share * next - near), minlength=self.k)
@@ -370,8 +383,8 @@ class Follower:
             other = self.sums[i] - one
             if one[2] <= 0 or other[2] <= 0:
                 continue
-            a, b = one[:2] / one[2], other[:2] / other[2]
-            ax, ay, az = a[0] - b[0], a[1] - b[1], one[3] / one[2] - other[3] / other[2]
+            a, b = (half[[0, 1, 3]] / half[2] for half in (one, other))
+            ax, ay, az = a - b
             gain = one[2] * other[2] / self.sums[i, 2] * (ax * ax + ay * ay + az * az)
             a, b = a.astype(F), b.astype(F)
             found[i] = (gain, (b, a) if self.way(i, b) < self.way(i, a) else (a, b))
@@ -385,7 +398,7 @@ class Follower:
                 others = [i for i in range(self.k) if i != split and self.is_bound(i) == bound]
                 if others:
                     dissolved = min(others, key=lambda i: losses[i])
-                    asked = self.asked(dissolved, split, halves[0], self.jump_gain)
+                    asked = self.asked(dissolved, split, halves[0], self.gain())
                     beyond = gain - losses[dissolved] - asked
                     found.append((beyond, (dissolved, split, halves, asked if beyond > 0 else doubt * asked)))
         found.sort(key=lambda swap: -swap[0])
@@ -405,7 +418,7 @@ class Follower:
         if not self.raised or over > self.k:
             return TRIES, DOUBT
         pitch = 0.5 * float(self.reach)
-        far = in_order(self.weight * self.near.astype(np.float64)) > NEAR_LEAST * (0.5 * pitch * pitch * over)
+        far = self.cost() > NEAR_LEAST * (0.5 * pitch * pitch * over)
         return MOST_FOUND if far else 1, 1
 
     def make(self, swap):
@@ -416,7 +429,7 @@ class Follower:
         kept = ("at", "tall", "sums", "near", "next", "second", "label", "moved", "done")
         before, saved = self.cost(), {name: np.copy(getattr(self, name)) for name in kept}
         self.moved[dissolved] = True
-        self.at[split], self.at[dissolved] = halves
+        (self.at[split], self.tall[split]), (self.at[dissolved], self.tall[dissolved]) = ((half[:2], half[2]) for half in halves)
         most = before - asked
         if self.settle(most) and self.cost() < min(before, most):
             return True

@@ -66,6 +66,10 @@ impl Group {
 /// actuator in between would be worth nothing.
 const PART_DISTANCE: f64 = 4096.0;
 
+/// Contacts whose forces differ by so many times what those of consecutive contacts differ by are as far apart in height as
+/// neighbouring taxels in the plane.
+const STEPS_A_PITCH: f64 = 4.0;
+
 /// What presses on an actuator.
 #[derive(Debug, Default, Clone, Copy)]
 struct Pressing {
@@ -182,13 +186,17 @@ impl Actuators {
         self.press(profile, contacts, levels, out);
     }
 
-    /// Heights of the contacts: forces as shares of the frame's greatest, times `force_distance`.
+    /// Heights of the contacts: how far their forces are above the least, in terms of how far those of consecutive
+    /// contacts are from each other. Without a difference there are none.
     fn raise(&mut self, profile: &Profile, forces: &[f64]) {
         self.heights.clear();
-        if profile.force_distance > 0.0 {
-            let greatest = forces.iter().copied().fold(0.0, f64::max);
-            let scale = profile.force_distance * self.pitch / greatest;
-            self.heights.extend(forces.iter().map(|force| scale * force));
+        let steps: f64 = forces.windows(2).map(|f| (f[1] - f[0]) * (f[1] - f[0])).sum();
+        if profile.force_distance > 0.0 && steps > 0.0 {
+            let step = (steps / (forces.len() - 1) as f64).sqrt();
+            let least = forces.iter().copied().fold(f64::INFINITY, f64::min);
+            let scale = profile.force_distance * self.pitch / (STEPS_A_PITCH * step);
+            self.heights
+                .extend(forces.iter().map(|force| scale * (force - least)));
         }
     }
 

@@ -41,12 +41,14 @@ pub struct Profile {
     /// History cost of `follow`, 0 to 100: an actuator is drawn to where it was as if by this many
     /// times its own contacts. 0 follows the contacts alone.
     pub history: f64,
-    /// Share of the position error that an actuator must save to be moved elsewhere, 0 to 1, for `follow`.
+    /// Share of the position error that an actuator must save to be moved elsewhere, 0 to 1, for `follow`. A quarter of
+    /// it is asked where `force_distance` matters to places.
     pub jump_gain: f64,
-    /// How far apart two contacts count whose forces differ by the frame's greatest, in distances of neighbouring taxels,
-    /// 0 to 2, for `follow` with at most six contacts for each actuator. It decides which contacts share an actuator
-    /// where places leave that open. With more contacts, those between two actuators go to the one whose contacts are
-    /// pressed like them, for no more than 2 % of the position error; 0 leaves forces out of both.
+    /// How far apart two contacts count whose forces differ by four times what those of consecutive contacts differ by
+    /// (root mean square), in distances of neighbouring taxels, 0 to 2, for `follow` with at most five contacts for each
+    /// actuator. It decides which contacts share an actuator where places leave that open. With more contacts, those
+    /// between two actuators go to the one whose contacts are pressed like them, for no more than 2 % of the position
+    /// error; 0 leaves forces out of both.
     pub force_distance: f64,
     /// Whether `follow` keeps the parts of the hand apart, so that no actuator stands for contacts
     /// of two fingers.

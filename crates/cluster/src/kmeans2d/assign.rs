@@ -23,9 +23,7 @@ pub(super) struct Assignment {
     weight: Vec<f32>,
     /// Height of each point; empty where points have none.
     height: Vec<[f32; LANES]>,
-    /// Weighted sum of their squares.
-    squared_heights: f64,
-    /// Squared distance to the nearest centroid; 0 for the points that fill up the last step.
+    /// Squared distance to the nearest centroid, heights included; 0 for the points that fill up the last step.
     near: Vec<[f32; LANES]>,
     /// Squared distance to the second nearest, with its id in the lowest bits.
     next: Vec<[f32; LANES]>,
@@ -51,7 +49,6 @@ impl Assignment {
             y: Vec::with_capacity(steps),
             weight: Vec::with_capacity(points),
             height: Vec::with_capacity(steps),
-            squared_heights: 0.0,
             near: vec![[0.0; LANES]; steps],
             next: vec![[0.0; LANES]; steps],
             label: Vec::with_capacity(points),
@@ -118,11 +115,6 @@ impl Assignment {
         self.height.as_flattened().get(n).copied().unwrap_or(0.0)
     }
 
-    /// Weighted sum of the squares of the heights.
-    pub(super) fn squared_heights(&self) -> f64 {
-        self.squared_heights
-    }
-
     /// Whether points have heights.
     pub(super) fn is_raised(&self) -> bool {
         !self.height.is_empty()
@@ -131,9 +123,6 @@ impl Assignment {
     /// Gives the points their heights.
     pub(super) fn raise(&mut self, heights: Option<&[f64]>) {
         fill_steps(&mut self.height, heights.unwrap_or(&[]));
-        let heights = self.height.as_flattened().iter().take(self.n);
-        let squares = (heights.enumerate()).map(|(n, h)| self.weight(n) * f64::from(*h) * f64::from(*h));
-        self.squared_heights = squares.sum();
     }
 
     /// Whether points have weights.
@@ -167,10 +156,15 @@ impl Assignment {
     ///
     /// The lowest bits of a squared distance make room for the id, so that the least of these
     /// numbers says both: distances count as equal if they agree to a part in `2^23 / clusters`.
-    pub(super) fn assign(&mut self, x: &[f32], y: &[f32], sums: &mut [Sums]) -> usize {
-        let places = [&*self.x, &*self.y];
+    pub(super) fn assign(&mut self, centroids: [&[f32]; 3], sums: &mut [Sums]) -> usize {
+        let points = [&*self.x, &*self.y, &*self.height];
         let distances = [&mut *self.near, &mut *self.next];
-        let changed = assign_steps(places, [x, y], self.ids, distances, &mut self.label, sums);
+        let labels = &mut self.label;
+        let changed = if self.height.is_empty() {
+            assign_steps::<false>(points, centroids, self.ids, distances, labels, sums)
+        } else {
+            assign_steps::<true>(points, centroids, self.ids, distances, labels, sums)
+        };
         // Sums of whole numbers are exact, whatever their order; others are not.
         if changed > 0 && (self.is_weighted() || self.is_raised()) {
             self.add_up(sums);
@@ -218,23 +212,18 @@ impl Assignment {
     }
 
     /// Takes one more centroid into account.
-    pub(super) fn approach(&mut self, (x, y): (f32, f32)) {
-        for ((px, py), near) in self.x.iter().zip(&self.y).zip(&mut self.near) {
-            for lane in 0..LANES {
-                let (dx, dy) = (px[lane] - x, py[lane] - y);
-                let distance = dx * dx + dy * dy;
-                near[lane] = if distance < near[lane] {
-                    distance
-                } else {
-                    near[lane]
-                };
-            }
+    pub(super) fn approach(&mut self, [x, y, z]: [f32; 3]) {
+        for n in 0..self.n {
+            let [px, py] = self.place_of(n);
+            let (dx, dy, dz) = (px - x, py - y, self.height(n) - z);
+            let near = &mut self.near.as_flattened_mut()[n];
+            *near = lesser(dx * dx + dy * dy + dz * dz, *near);
         }
     }
 
     /// The point farthest from its nearest centroid, the first among equals, and what a centroid
     /// there saves at least; `None` where all stand on centroids.
-    pub(super) fn farthest(&self) -> Option<((f32, f32), f64)> {
+    pub(super) fn farthest(&self) -> Option<([f32; 3], f64)> {
         let mut farthest = (0, 0.0);
         for n in 0..self.n {
             let near = self.near(n);
@@ -243,7 +232,8 @@ impl Assignment {
             }
         }
         let [x, y] = self.place_of(farthest.0);
-        (farthest.1 > 0.0).then_some(((x, y), self.weight(farthest.0) * f64::from(farthest.1)))
+        let at = [x, y, self.height(farthest.0)];
+        (farthest.1 > 0.0).then_some((at, self.weight(farthest.0) * f64::from(farthest.1)))
     }
 
     /// The first point.
@@ -304,9 +294,9 @@ impl Assignment {
 /// [`Assignment::assign`] but for the sums of weighted points. Where the machine has vector units of 256 bits, one takes a
 /// step at once; the bits are the same.
 #[multiversion(targets("x86_64+avx2"))]
-fn assign_steps(
-    places: [&[[f32; LANES]]; 2],
-    centroids: [&[f32]; 2],
+fn assign_steps<const RAISED: bool>(
+    points: [&[[f32; LANES]]; 3],
+    centroids: [&[f32]; 3],
     ids: u32,
     distances: [&mut [[f32; LANES]]; 2],
     labels: &mut [u16],
@@ -314,14 +304,19 @@ fn assign_steps(
 ) -> usize {
     let mut changed = 0;
     let [near, next] = distances;
-    let steps = places[0].iter().zip(places[1]).zip(near.iter_mut().zip(next));
-    for (((px, py), (near, next)), labels) in steps.zip(labels.chunks_mut(LANES)) {
+    let steps = points[0].iter().zip(points[1]).zip(near.iter_mut().zip(next));
+    for (step, (((px, py), (near, next)), labels)) in steps.zip(labels.chunks_mut(LANES)).enumerate() {
+        let pz = if RAISED { points[2][step] } else { [0.0; LANES] };
         let mut first = [f32::MAX; LANES];
         let mut second = [f32::MAX; LANES];
-        for ((x, y), id) in centroids[0].iter().zip(centroids[1]).zip(0u32..) {
+        let [x, y, z] = centroids;
+        for (((x, y), z), id) in x.iter().zip(y).zip(z).zip(0u32..) {
             for lane in 0..LANES {
                 let (dx, dy) = (px[lane] - x, py[lane] - y);
-                let distance = dx * dx + dy * dy;
+                let mut distance = dx * dx + dy * dy;
+                if RAISED {
+                    distance += (pz[lane] - z) * (pz[lane] - z);
+                }
                 let tagged = f32::from_bits(distance.to_bits() & !ids | id);
                 second[lane] = lesser(second[lane], greater(first[lane], tagged));
                 first[lane] = lesser(first[lane], tagged);

@@ -20,20 +20,25 @@ const DOUBT: f64 = 1.25;
 /// Swaps in quiet frames are asked for this share of what others are: there are few of them, and
 /// what they save lasts.
 const QUIET_SHARE: f64 = 0.1;
+/// So much of what else a jump must save is asked where points have heights: they are few for each cluster there, and one
+/// cluster that is missing where it is needed costs many times the share.
+const RAISED_SHARE: f64 = 0.25;
 /// A cost within this of the least there can be is good enough.
 const NEAR_LEAST: f64 = 1.06;
 /// Frames without a swap after which half as much is asked of one.
 const PATIENCE: f64 = 2.0;
 
-/// What swaps have to save, for a share of the cost; the search borrows only part of the clusters.
+/// What swaps have to save, for a share of the cost, or of the squared reach where that is more: with hardly more points than
+/// clusters the cost is so little that every jump would save a share of it. The search borrows only part of the clusters.
 macro_rules! judge {
     ($clusters:expr, $gain:expr) => {{
         let cost = $clusters.cost();
+        let reach = $clusters.settings.reach * $clusters.settings.reach;
         Judge {
-            gain: $gain * cost,
+            gain: $gain * cost.max(reach),
             least: 0.002 * cost,
             times_if_doubtful: 1.0,
-            reach: $clusters.settings.reach * $clusters.settings.reach,
+            reach,
             pinned: &$clusters.pinned,
             moved: &$clusters.moved,
             stands: $clusters.stands.places(),
@@ -48,7 +53,7 @@ impl Kmeans2d {
         let few = 16 * self.changes < self.assignment.len();
         if let Some(before) = self.judged
             && few
-            && (cost - before).abs() <= 0.5 * self.settings.swap_gain * before
+            && (cost - before).abs() <= 0.5 * self.swap_gain() * before
         {
             return;
         }
@@ -63,11 +68,21 @@ impl Kmeans2d {
         self.judged = (made < most).then(|| self.cost());
     }
 
+    /// Share of the cost that a swap is asked to save for each cluster that jumps by it.
+    pub(super) fn swap_gain(&self) -> f64 {
+        let gain = self.settings.swap_gain;
+        if self.assignment.is_raised() && gain < 1.0 {
+            RAISED_SHARE * gain
+        } else {
+            gain
+        }
+    }
+
     /// Share of the cost that a swap is asked to save in a quiet frame for each cluster that jumps by it: the
     /// less, the longer none was made, so that a bad arrangement does not last. Where points flicker, no frame is
     /// quiet.
     fn quiet_gain(&self) -> f64 {
-        self.settings.swap_gain * QUIET_SHARE * PATIENCE / (PATIENCE + f64::from(self.patience))
+        self.swap_gain() * QUIET_SHARE * PATIENCE / (PATIENCE + f64::from(self.patience))
     }
 
     /// Counts a frame whose points are those of the last, and says whether it is used to look further.
@@ -80,7 +95,7 @@ impl Kmeans2d {
         self.quiet <= FIRST_FRAMES || self.quiet.is_multiple_of(QUIET_FRAMES)
     }
 
-    /// Moves single points by their new heights and tries more swaps. Says whether anything has changed.
+    /// Moves points by their new heights and tries more swaps. Says whether anything has changed.
     pub(super) fn rest(&mut self, heights: Option<&[f64]>) -> bool {
         self.pinned.copy_from_slice(&self.live);
         self.moved.fill(false);
@@ -100,11 +115,15 @@ impl Kmeans2d {
         self.raise();
         // What was ranked was ranked by other heights.
         self.splits.forget();
-        let moved = self.move_points() > 0;
-        if moved {
+        let mut moved = self.assign();
+        if moved > 0 {
+            self.centre();
+        }
+        moved += self.move_points();
+        if moved > 0 {
             self.settle();
         }
-        moved
+        moved > 0
     }
 
     /// Tries more swaps, the next best by judgement: judgement does not know how the clusters settle afterwards.
@@ -146,7 +165,7 @@ impl Kmeans2d {
         let (most, times_if_doubtful) = self.most_tried();
         let judge = Judge {
             times_if_doubtful,
-            ..judge!(self, self.settings.swap_gain)
+            ..judge!(self, self.swap_gain())
         };
         let at = [&self.x[..], &self.y, &self.height];
         let (sure, found) = self.splits.find(&self.assignment, &self.sums, at, &judge, most);
@@ -212,8 +231,8 @@ impl Kmeans2d {
         let settled = self.settled;
         let moved = std::mem::replace(&mut self.moved[swap.dissolved], true);
         let [kept, other] = swap.halves;
-        (self.x[swap.split], self.y[swap.split]) = kept;
-        (self.x[swap.dissolved], self.y[swap.dissolved]) = other;
+        self.put(swap.split, kept);
+        self.put(swap.dissolved, other);
         if self.settle_below(most) {
             let after = self.cost();
             if after < before && after < most {
@@ -228,5 +247,36 @@ impl Kmeans2d {
         self.assignment.restore();
         self.settled = settled;
         false
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use crate::kmeans2d::tests::PLAIN;
+    use crate::{Kmeans2d, Kmeans2dSettings, Plane};
+
+    #[test]
+    fn where_clusters_cost_little_a_jump_must_save_a_share_of_the_squared_reach() {
+        // Two pairs and three clusters: one pair shares, and another is a jump away. First the left one is the more alike.
+        let (x, y) = ([0.0, 1.0, 9.0, 10.0], [0.0; 4]);
+        let goes_over = |differ: f64| {
+            let settings = Kmeans2dSettings {
+                swap_gain: 0.1,
+                ..PLAIN
+            };
+            let mut solver = Kmeans2d::new(8, 3, settings);
+            let mut follow = |keys: &[u16; 4], heights: [f64; 4]| {
+                let found = solver.follow(Plane { x: &x, y: &y }, keys, None, Some(&heights));
+                assert!((found.labels[0] == found.labels[1]) != (found.labels[2] == found.labels[3]));
+                found.labels[2] == found.labels[3]
+            };
+            assert!(!follow(&[0, 1, 2, 3], [0.0, 0.0, 2.0, 0.0]));
+            // Other keys, so that no frame is quiet.
+            follow(&[4, 1, 2, 3], [0.0, differ, 0.0, 0.0])
+        };
+        // Half the square of the difference is saved. 0.1 is asked, a quarter of a tenth of the squared reach; of the cost,
+        // that would be 0.015.
+        assert!(!goes_over(0.4));
+        assert!(goes_over(0.7));
     }
 }

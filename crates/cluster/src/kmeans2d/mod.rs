@@ -125,7 +125,7 @@ pub struct Kmeans2d {
 const NONE: u16 = u16::MAX;
 
 /// Most points for each cluster whose heights are a third coordinate.
-const MOST_RAISED: usize = 6;
+const MOST_RAISED: usize = 5;
 
 /// With more clusters no pairs are ranked for swaps, and no ids exchanged: the time for both grows with their square.
 const MOST_PAIRED: usize = 64;
@@ -151,6 +151,11 @@ impl Sums {
         self.y += weight * f64::from(y);
         self.height += weight * f64::from(height);
         self.weight += weight;
+    }
+
+    /// The mean place and height.
+    fn mean(&self) -> [f64; 3] {
+        [self.x, self.y, self.height].map(|sum| sum / self.weight)
     }
 }
 
@@ -242,7 +247,7 @@ impl Kmeans2d {
     ///
     /// `keys` names the points: a key is always at the same place, and in a frame at most once.
     /// `weights`, where given, must be positive. `heights`, in the unit of the coordinates, decide between
-    /// arrangements that are nearly as good in the plane. With no more than six points for each cluster they are a
+    /// arrangements that are nearly as good in the plane. With no more than five points for each cluster they are a
     /// third coordinate where single points move; with more, and no weights, points between two clusters are shared out
     /// by them in the end, for no more than 2 % of the squared distances. While the points stay the same, new heights
     /// count in the frames that try further swaps.
@@ -415,6 +420,11 @@ impl Kmeans2d {
         self.assignment.rename(self.exchange.ids());
     }
 
+    /// Puts a centroid somewhere.
+    fn put(&mut self, id: usize, place: [f32; 3]) {
+        [self.x[id], self.y[id], self.height[id]] = place;
+    }
+
     fn find_live(&mut self) {
         for (live, sums) in self.live.iter_mut().zip(&self.sums) {
             *live = sums.weight > 0.0;
@@ -437,10 +447,10 @@ impl Kmeans2d {
                 let Some((place, saving)) = self.assignment.farthest() else {
                     return woke;
                 };
-                if jumps && saving * lost <= self.settings.swap_gain * self.cost() {
+                if jumps && saving * lost <= self.swap_gain() * self.cost() {
                     return woke;
                 }
-                (self.x[id], self.y[id]) = place;
+                self.put(id, place);
                 self.moved[id] = true;
                 self.assignment.approach(place);
                 woke = true;

@@ -40,7 +40,7 @@ impl Kmeans2d {
         self.settled = true;
         let few = self.few();
         for _ in 0..self.settings.iterations {
-            let changed = self.assignment.assign(&self.x, &self.y, &mut self.sums);
+            let changed = self.assign();
             if changed > few {
                 self.centre();
             } else if self.move_points() <= few {
@@ -49,7 +49,7 @@ impl Kmeans2d {
                 self.centre();
             }
         }
-        self.settled = self.assignment.assign(&self.x, &self.y, &mut self.sums) <= few;
+        self.settled = self.assign() <= few;
     }
 
     /// The same, given up (`false`, with labels and centroids left in between) when the cost does
@@ -59,7 +59,7 @@ impl Kmeans2d {
         let few = self.few();
         let mut before = f64::INFINITY;
         for _ in 0..self.settings.iterations {
-            let changed = self.assignment.assign(&self.x, &self.y, &mut self.sums);
+            let changed = self.assign();
             let cost = self.cost();
             if cost - FALLS * (before - cost) >= most {
                 return false;
@@ -73,19 +73,19 @@ impl Kmeans2d {
                 self.centre();
             }
         }
-        self.settled = self.assignment.assign(&self.x, &self.y, &mut self.sums) <= few;
+        self.settled = self.assign() <= few;
         true
     }
 
-    /// Sum of squared distances of the points from their centroids, and of squared differences from the mean heights.
+    /// Assigns every point to its nearest centroid; returns how many labels changed.
+    pub(super) fn assign(&mut self) -> usize {
+        let centroids = [&self.x[..], &self.y, &self.height];
+        self.assignment.assign(centroids, &mut self.sums)
+    }
+
+    /// Sum of squared distances of the points from their centroids, heights included.
     pub(super) fn cost(&self) -> f64 {
-        let flat = self.assignment.cost();
-        if !self.assignment.is_raised() {
-            return flat;
-        }
-        let live = self.sums.iter().filter(|sums| sums.weight > 0.0);
-        let means: f64 = live.map(|sums| sums.height * sums.height / sums.weight).sum();
-        flat + (self.assignment.squared_heights() - means)
+        self.assignment.cost()
     }
 
     /// How many labels may change, or points move, without a reason to go on: none of fewer than
@@ -122,8 +122,7 @@ impl Kmeans2d {
         }
     }
 
-    /// Moves single points where that lowers the cost, to which the squared differences of heights are added here;
-    /// returns how many moved.
+    /// Moves single points where that lowers the cost; returns how many moved.
     pub(super) fn move_points(&mut self) -> usize {
         let mut moved = 0;
         let heaviest = self.assignment.greatest_weight();
@@ -135,8 +134,6 @@ impl Kmeans2d {
             let from = usize::from(self.assignment.labels()[n]);
             let (near, next) = self.assignment.distances(n);
             let height = self.assignment.height(n);
-            let below = height - self.height[from];
-            let near = near + below * below;
             if near * self.asks[from] <= next {
                 continue;
             }
@@ -239,5 +236,27 @@ impl Kmeans2d {
         for (ask, saves) in self.asks.iter_mut().zip(&self.saves) {
             *ask = (saves * (lightest + heaviest) / lightest) as f32 * 1.000_01;
         }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use crate::kmeans2d::tests::PLAIN;
+    use crate::{Kmeans2d, Plane};
+
+    /// A row of points a unit apart, of which the first has a height, in two clusters: how many are in that of the first.
+    fn beside_the_first(height: f64) -> usize {
+        let (x, y) = ([0.0, 1.0, 2.0, 3.0, 4.0], [0.0; 5]);
+        let heights = [height, 0.0, 0.0, 0.0, 0.0];
+        let mut solver = Kmeans2d::new(5, 2, PLAIN);
+        let found = solver.follow(Plane { x: &x, y: &y }, &[0, 1, 2, 3, 4], None, Some(&heights));
+        found.labels.iter().filter(|id| **id == found.labels[0]).count()
+    }
+
+    #[test]
+    fn a_point_goes_to_the_centroid_that_is_nearest_heights_included() {
+        // Two and three cost 2.5 and half the squared height; one and four cost 5.
+        assert_eq!(beside_the_first(0.0), 2);
+        assert_eq!(beside_the_first(3.0), 1);
     }
 }

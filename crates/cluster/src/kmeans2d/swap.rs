@@ -36,7 +36,7 @@ pub(super) struct Swap {
     pub(super) dissolved: usize,
     pub(super) split: usize,
     /// Means of the halves of the split cluster; the first stays with it.
-    pub(super) halves: [(f32, f32); 2],
+    pub(super) halves: [[f32; 3]; 2],
     /// What it has to save to be made.
     pub(super) asked: f64,
 }
@@ -67,18 +67,18 @@ impl Judge<'_> {
     }
 
     /// What a swap has to save that puts the split cluster's own half to `kept`.
-    fn asks(&self, dissolved: usize, split: usize, kept: (f32, f32)) -> f64 {
+    fn asks(&self, dissolved: usize, split: usize, kept: [f32; 3]) -> f64 {
         let jumps = u8::from(self.is_bound(dissolved)) + u8::from(self.way(split, kept) > self.reach);
         self.least.max(f64::from(jumps) * self.gain)
     }
 
     /// Squared distance from where an id stood; 0 where that does not matter.
-    fn way(&self, id: usize, to: (f32, f32)) -> f64 {
+    fn way(&self, id: usize, to: [f32; 3]) -> f64 {
         if !self.is_bound(id) {
             return 0.0;
         }
         let [x, y] = self.stands[id];
-        let (dx, dy) = (f64::from(to.0 - x), f64::from(to.1 - y));
+        let (dx, dy) = (f64::from(to[0] - x), f64::from(to[1] - y));
         dx * dx + dy * dy
     }
 }
@@ -165,7 +165,7 @@ impl Splits {
 
     /// What a cluster gains by being halved, and the means of its halves, the one nearer to where
     /// it stood first.
-    fn split(&self, split: usize, sums: &[Sums], judge: &Judge<'_>) -> Option<(f64, [(f32, f32); 2])> {
+    fn split(&self, split: usize, sums: &[Sums], judge: &Judge<'_>) -> Option<(f64, [[f32; 3]; 2])> {
         let (all, half) = (&sums[split], &self.halves[split]);
         let rest = Sums {
             x: all.x - half.x,
@@ -176,12 +176,10 @@ impl Splits {
         if half.weight <= 0.0 || rest.weight <= 0.0 {
             return None;
         }
-        let (ax, ay) = (half.x / half.weight, half.y / half.weight);
-        let (bx, by) = (rest.x / rest.weight, rest.y / rest.weight);
-        let dz = half.height / half.weight - rest.height / rest.weight;
-        let apart = (ax - bx) * (ax - bx) + (ay - by) * (ay - by) + dz * dz;
-        let gain = half.weight * rest.weight / all.weight * apart;
-        let (a, b) = ((ax as f32, ay as f32), (bx as f32, by as f32));
+        let [a, b] = [half, &rest].map(Sums::mean);
+        let [dx, dy, dz] = [0, 1, 2].map(|axis| a[axis] - b[axis]);
+        let gain = half.weight * rest.weight / all.weight * (dx * dx + dy * dy + dz * dz);
+        let [a, b] = [a, b].map(|mean| mean.map(|x| x as f32));
         let halves = if judge.way(split, b) < judge.way(split, a) {
             [b, a]
         } else {
@@ -240,7 +238,7 @@ impl Splits {
         })
     }
 
-    fn measure(&mut self, points: &Assignment, sums: &[Sums], [x, y, height]: [&[f32]; 3]) {
+    fn measure(&mut self, points: &Assignment, sums: &[Sums], [x, y, _]: [&[f32]; 3]) {
         self.shape.fill(Shape::default());
         for n in 0..points.len() {
             let id = usize::from(points.labels()[n]);
@@ -252,8 +250,6 @@ impl Splits {
             shape.xy += weight * dx * dy;
             shape.yy += weight * dy * dy;
             let second = points.second(n);
-            let (own, other) = (points.height(n) - height[id], points.height(n) - height[second]);
-            let (near, next) = (near + own * own, next + other * other);
             let other = sums[second].weight;
             // The other centroid comes to meet a point that joins it; one without points rests where it is.
             let share = if other > 0.0 {

@@ -1,7 +1,7 @@
 use super::*;
 use proptest::prelude::*;
 
-const PLAIN: Kmeans2dSettings = Kmeans2dSettings {
+pub(super) const PLAIN: Kmeans2dSettings = Kmeans2dSettings {
     history: 0.0,
     swap_gain: 0.0,
     swaps: 8,
