@@ -1,6 +1,9 @@
 """Simulated Dynamixel servos behind a pseudo terminal, as a process of their own."""
 
+import shutil
 import subprocess
+import tempfile
+from pathlib import Path
 from typing import NamedTuple
 
 from harness.daemon import binary, die_with_parent, eventually
@@ -32,8 +35,13 @@ class Servos:
     """A bus of servos. `close` pulls its plug."""
 
     def __init__(self, *arguments):
-        self.process = example("servo_bus", "--baud", BAUD, *arguments, stdin=subprocess.PIPE)
-        self.path = self.process.stdout.readline().strip()
+        # A link of its own: the number of a terminal that is closed is soon that of another test's.
+        self._folder = Path(tempfile.mkdtemp(prefix="taxel-servos-"))
+        link = self._folder / "servos"
+        linked = () if "--link" in arguments else ("--link", link)
+        self.process = example("servo_bus", "--baud", BAUD, *arguments, *linked, stdin=subprocess.PIPE)
+        terminal = self.process.stdout.readline().strip()
+        self.path = str(link) if linked else terminal
         self.written = 0  # bytes that ports of this test have sent
 
     def _ask(self, command):
@@ -78,3 +86,4 @@ class Servos:
             self.process.stdin.close()
             self.process.wait()
             self.process.stdout.close()
+        shutil.rmtree(self._folder, ignore_errors=True)
