@@ -55,7 +55,8 @@ def encode(request: Dict[str, Any], is_held: bool) -> bytes:
 
 def is_off(request: Dict[str, Any]) -> bool:
     """Whether it has a motor switched off, which depends on no connection and may be asked for twice."""
-    return request.keys() == {"cmd", "joint", "torque"} and not request["torque"]
+    # Whatever else it may be is the daemon's to refuse.
+    return isinstance(request, dict) and request.keys() == {"cmd", "joint", "torque"} and not request["torque"]
 
 
 def is_to_be_asked_again(reply: bytes) -> bool:
