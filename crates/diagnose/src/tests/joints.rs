@@ -66,7 +66,7 @@ impl JointsBench {
 #[test]
 fn a_servo_that_is_silent_late_damaged_hot_or_failed_is_named_with_what_to_do() {
     type Change = fn(&mut JointsView);
-    let cases: [(&str, Change, Change, &[&str], &str); 16] = [
+    let cases: [(&str, Change, Change, &[&str], &str); 17] = [
         (
             "motor-lost",
             |v| servo(v, 1).motor_lost = Some(MotorLost::Restarted),
@@ -90,6 +90,17 @@ fn a_servo_that_is_silent_late_damaged_hot_or_failed_is_named_with_what_to_do() 
             &[
                 "another program has set the bus watchdog of servo 2 to 50",
                 "had 10",
+            ],
+            "is on again",
+        ),
+        (
+            "motor-lost",
+            |v| servo(v, 1).motor_lost = Some(MotorLost::LeftOn),
+            |v| servo(v, 1).motor_lost = None,
+            &[
+                "the motor of servo 2 was left on by a taxeld that was killed",
+                "it is switched off",
+                "enabled anew",
             ],
             "is on again",
         ),

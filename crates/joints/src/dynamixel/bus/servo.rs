@@ -69,7 +69,7 @@ pub struct ServoState {
     pub refusal: Option<StatusError>,
     /// What became of commands to switch its motor off.
     pub motor_off: MotorOff,
-    /// How its motor was lost that was switched on here; `None` where none was, or since it was switched on anew or
+    /// How its motor was lost that was switched on here or left on; `None` where none was, or since it was switched on anew or
     /// somebody asked for it to be off.
     pub motor_lost: Option<MotorLost>,
 }
@@ -111,6 +111,8 @@ const PATIENCE: u32 = 2;
 /// First and longest pause before a silent servo is asked again, nanoseconds.
 const FIRST_REST_NS: u64 = 50_000_000;
 const LONGEST_REST_NS: u64 = 500_000_000;
+/// One that answers is asked so often whether its motor was left on; one that never says so is asked who it is, too.
+const LEFT_ON_ASKS: u8 = 10;
 /// Return Delay Time from the factory, until the servo has told its own.
 pub(crate) const FACTORY_RETURN_DELAY_NS: u64 = 500_000;
 /// After so many requests in a row that were answered in time, a servo owes no answer to an earlier one.
@@ -160,6 +162,8 @@ pub(crate) struct Servo {
     /// Whether it was told here to switch its motor off, and not on since.
     pub(crate) is_to_be_off: bool,
     pub(crate) watch: Watch,
+    /// How often it is still asked, until it says so, whether its motor was left on by a daemon before.
+    pub(crate) left_on_asks: u8,
     /// Bytes that it told in its answer, good or not, to the newest request that is over; `None` where none came.
     told_bytes: Option<usize>,
     /// Requests to it that no answer came to in time: so many answers may still come, and then all at once.
@@ -188,6 +192,7 @@ impl Servo {
             state: ServoState::default(),
             is_to_be_off: false,
             watch: Watch::default(),
+            left_on_asks: 0,
             told_bytes: None,
             owed: 0,
             answered_in_a_row: 0,
@@ -218,8 +223,10 @@ impl Servo {
         ago(newer_ns) <= SHARED_NS && newer_ns.saturating_sub(older_ns) <= SHARED_NS
     }
 
-    /// Forgets what the port held: it has been opened anew.
-    pub(crate) fn port_opened(&mut self) {
+    /// Forgets what the port held: it has been opened anew. Where motors may be switched off, it is asked whether its own was
+    /// left on.
+    pub(crate) fn port_opened(&mut self, allow_writes: bool) {
+        self.left_on_asks = if allow_writes { LEFT_ON_ASKS } else { 0 };
         (self.told_bytes, self.owed, self.usual_ns) = (None, 0, 0);
         (self.withhold, self.double_ns) = (false, [None; 2]);
     }

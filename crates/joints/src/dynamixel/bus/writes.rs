@@ -70,7 +70,7 @@ impl WriteRefused {
     }
 }
 
-/// How a motor that was switched on here was lost.
+/// How a motor was lost that was switched on here, or by a daemon before.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, thiserror::Error)]
 pub enum MotorLost {
     /// Its servo's bus watchdog (address 98) was no longer what it had been armed with, but 0 as behind a restart; so the
@@ -90,6 +90,9 @@ pub enum MotorLost {
     /// Its Torque Enable (address 64) is 0, and nobody has asked for that here.
     #[error("its motor has gone off by itself, without being told to here")]
     GoneOff,
+    /// It was on, under an armed bus watchdog, when the port was opened, and was not switched on here; so it is switched off.
+    #[error("its motor was left on by a taxeld that was killed, so that it is switched off")]
+    LeftOn,
 }
 
 /// Why a servo did not do what it was told.

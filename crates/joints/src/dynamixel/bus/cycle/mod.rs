@@ -258,7 +258,7 @@ impl Bus {
         self.forget_writes();
         self.suspicious_ns = None;
         for servo in &mut self.servos {
-            servo.port_opened();
+            servo.port_opened(self.allow_writes);
         }
         self.results.fill(Err(NoReading::NotAsked));
         if self.fast == FastState::NotSupported {

@@ -64,7 +64,7 @@ impl Bus {
         if now_ns.saturating_sub(self.slow_ns) < SLOW_SHARE * busy_ns {
             return false;
         }
-        let Some((servo, task)) = self.lane.next(&self.servos, now_ns) else {
+        let Some((servo, task)) = self.lane.next(&mut self.servos, now_ns) else {
             return false;
         };
         let (at, length) = task.span();

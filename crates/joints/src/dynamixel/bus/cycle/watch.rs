@@ -1,4 +1,5 @@
-//! Motors that were switched on here: whether they still are, and under the watchdog that was armed.
+//! Motors that were switched on here: whether they still are, and under the watchdog that was armed. And those that a daemon
+//! before has left on.
 //!
 //! A servo that restarts forgets its watchdog, and may come back with its motor on (Startup Configuration, address 60). So
 //! none is given a goal that may have restarted since its watchdog was known.
@@ -21,22 +22,28 @@ impl Bus {
         }
     }
 
-    /// A servo has told something between two cycles: of a motor that was switched on here, it may be that it is lost.
+    /// A servo has told something between two cycles: of a motor that was switched on here or left on, it may be that it is lost.
     pub(super) fn take_told(&mut self, servo: usize, task: Task, data: &[u8]) {
         let was_on = self.servos[servo].state.torque_enabled == Some(true);
         if !task.take(&mut self.servos[servo], data) {
             return;
         }
         match (task, data) {
-            (Task::State, [0, ..]) if self.is_settled(servo) && self.servos[servo].runs() => match was_on {
-                true => self.lose_motor(servo, MotorLost::GoneOff),
-                // That it was not switched on was told to whoever wanted it.
-                false => self.servos[servo].state.may_run = false,
-            },
-            (Task::State, [torque, ..])
+            (Task::State | Task::LeftOn, [0, ..]) if self.is_settled(servo) && self.servos[servo].runs() => {
+                match was_on {
+                    true => self.lose_motor(servo, MotorLost::GoneOff),
+                    // That it was not switched on was told to whoever wanted it.
+                    false => self.servos[servo].state.may_run = false,
+                }
+            }
+            (Task::State | Task::LeftOn, [torque, ..])
                 if *torque != 0 && self.servos[servo].is_to_be_off && self.is_settled(servo) =>
             {
                 self.still_on(servo);
+            }
+            // Nobody but a daemon arms a watchdog, and this one's reading feeds it. Who has switched it on without one is another.
+            (Task::LeftOn, [1..=u8::MAX, .., 1..=127]) if !self.servos[servo].state.may_run => {
+                self.lose_motor(servo, MotorLost::LeftOn);
             }
             (Task::Watchdog, [watchdog]) if self.is_armed(servo) => {
                 let armed = self.watchdog_steps;
@@ -75,7 +82,7 @@ impl Bus {
         }
     }
 
-    /// A motor is on no longer, or without the watchdog that was armed: it is given no goal, and in the latter case switched
+    /// A motor is on no longer, or without the watchdog that was armed, or nobody's here: it is given no goal, and in the latter case switched
     /// off until it confirms that.
     fn lose_motor(&mut self, servo: usize, lost: MotorLost) {
         let refused = WriteRefused::MotorLost { joint: servo, lost };
