@@ -203,6 +203,51 @@ fn who_has_one_that_is_silent_switched_off_again_and_again_keeps_no_other_waitin
 }
 
 #[test]
+fn healthy_servos_that_are_left_again_and_again_for_others_to_be_off_are_not_silent() {
+    for late_ms in [20, 60] {
+        for every_ms in [3, 10, 20, 50] {
+            let what = format!("{late_ms} ms, one each {every_ms} ms");
+            let mut w = slow(6, late_ms * MS);
+            let counted = |w: &World| {
+                let timeouts = (0..6).map(|servo| w.bus.servo(servo).unwrap().counters.timeouts);
+                (timeouts.sum::<u64>(), w.bus.counters().writes_failed)
+            };
+            let before = counted(&w);
+            let (mut due_ns, end_ns) = (w.now_ns, w.now_ns + 3_000 * MS);
+            w.bus.begin(w.now_ns);
+            for number in 1.. {
+                while w.now_ns < due_ns {
+                    match w.bus.step(w.now_ns) {
+                        Step::Wait { until_ns } => {
+                            let next_ns = w.servos.next_due_ns().map_or(until_ns, |t| t.min(until_ns));
+                            w.now_ns = next_ns.min(due_ns).max(w.now_ns);
+                            w.receive();
+                        }
+                        Step::Send => assert!(w.turn()),
+                        Step::Done => {
+                            w.now_ns += MS;
+                            w.bus.begin(w.now_ns);
+                        }
+                    }
+                    assert!((0..6).all(|servo| w.bus.servo(servo).unwrap().alive), "{what}");
+                }
+                if w.now_ns >= end_ns {
+                    break;
+                }
+                w.bus.numbered_command(number, number as usize % 6, OFF).unwrap();
+                due_ns += every_ms * MS;
+            }
+            assert_eq!(counted(&w), before, "{what}");
+            w.cycles(30);
+            assert!(
+                (0..6).all(|servo| says_off(&w, servo)) && !w.bus.has_writes(),
+                "{what}"
+            );
+        }
+    }
+}
+
+#[test]
 fn watchdogs_that_offs_overtake_are_cleared_behind_them_in_one_packet() {
     let mut w = slow(3, 20 * MS);
     for servo in 0..3 {

@@ -47,6 +47,8 @@ pub(crate) struct Pass {
     pub(crate) fast_done: bool,
     /// An answer said that a servo does not know the instruction.
     pub(crate) fast_refused: bool,
+    /// It was left before its deadline, since motors are to be off: who has not answered was not silent.
+    pub(crate) left: bool,
     /// The error number of a servo that refused to tell its watchdog, or what it holds.
     pub(crate) refused: Option<StatusError>,
     /// How many of those that were told something have not said that they hold it; what they were told is in front of all else.
@@ -69,6 +71,7 @@ impl Pass {
             wire_ns: 0,
             fast_done: false,
             fast_refused: false,
+            left: false,
             refused: None,
             told: 0,
             held: None,
@@ -85,6 +88,7 @@ impl Pass {
         self.sent_ns = None;
         self.fast_done = false;
         self.fast_refused = false;
+        self.left = false;
         self.refused = None;
         self.held = None;
     }
@@ -120,11 +124,11 @@ impl Pass {
         self.order.iter().position(|s| *s == servo)
     }
 
-    /// Whether the servo at this position was silent for sure: it did not answer though one behind
-    /// it did, or it is the first in the row of those at the end that did not. Those behind it may
-    /// only have waited for it.
+    /// Whether the servo at this position was silent for sure: it had its time, and did not answer though
+    /// one behind it did, or it is the first in the row of those at the end that did not. Those behind
+    /// it may only have waited for it.
     pub(crate) fn is_silent(&self, position: usize) -> bool {
-        self.answers[position] == Answer::Awaited && position <= self.first_unheard()
+        !self.left && self.answers[position] == Answer::Awaited && position <= self.first_unheard()
     }
 
     /// Position behind the last servo that answered.

@@ -346,6 +346,7 @@ impl Bus {
                 if now_ns < until_ns {
                     return Step::Wait { until_ns };
                 }
+                self.pass.left = self.offs_untold && now_ns < self.whole_deadline_ns();
                 if self.offs_untold || self.pass.kind == Kind::ReadBack {
                     self.leave_request();
                 }
@@ -386,23 +387,36 @@ impl Bus {
         wire_ns(self.pass.bytes_before(answers), self.baud) + delays
     }
 
-    /// Until when the answers to the request that is out are waited for. Once the others have answered, those that rest have no
-    /// more time than usual.
+    /// Until when the answers to the request that is out are waited for: not for long where motors are to be off, since they may
+    /// not come.
     fn deadline_ns(&self) -> u64 {
+        let whole_ns = self.whole_deadline_ns();
+        match self.offs_untold {
+            true => whole_ns.min(self.deadline_with_ns(self.resting_margin_ns)),
+            false => whole_ns,
+        }
+    }
+
+    /// The same where no motor waits to be switched off. Once the others have answered, those that rest have no more time than
+    /// usual.
+    fn whole_deadline_ns(&self) -> u64 {
         let pass = &self.pass;
-        let sent_ns = pass.sent_ns.unwrap_or_default();
         let rests = |i: &usize| self.servos[*i].rests();
         let mut awaited = (pass.order.iter().zip(&pass.answers))
             .filter_map(|(i, answer)| (*answer == Answer::Awaited).then_some(i));
         let margin_ns = match pass.kind {
             // Its one packet has begun, and breaks off at the first that is silent.
             Kind::Fast if pass.heard_ns.is_some() && pass.order.iter().any(rests) => self.resting_margin_ns,
-            // What is out may be in vain, and motors are to be off now.
-            _ if self.offs_untold || awaited.all(rests) => self.resting_margin_ns,
+            _ if awaited.all(rests) => self.resting_margin_ns,
             Kind::ReadBack => self.read_back_margin_ns(),
             _ => self.margin_ns,
         };
-        let heard_ns = pass.heard_ns.unwrap_or(sent_ns);
+        self.deadline_with_ns(margin_ns)
+    }
+
+    fn deadline_with_ns(&self, margin_ns: u64) -> u64 {
+        let pass = &self.pass;
+        let heard_ns = pass.heard_ns.or(pass.sent_ns).unwrap_or_default();
         self.latest_ns().min(heard_ns + pass.wire_ns + margin_ns)
     }
 

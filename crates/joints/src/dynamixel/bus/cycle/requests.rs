@@ -137,7 +137,7 @@ impl Bus {
             Kind::ReadBack if self.writes.front().is_some_and(|write| write.urgent) => self.end_offs(now_ns),
             Kind::ReadBack => self.end_together(),
             Kind::Told => {}
-            Kind::Slow(_) => self.counters.slow_unanswered += u64::from(unanswered),
+            Kind::Slow(_) => self.counters.slow_unanswered += u64::from(unanswered && !self.pass.left),
             Kind::Plain => self.end_plain(now_ns),
             Kind::Fast => self.end_fast(unanswered, now_ns),
         }
@@ -164,7 +164,7 @@ impl Bus {
             self.fast_failures = 0;
             self.fast = FastState::On;
             self.fast_worked = true;
-        } else if unanswered {
+        } else if unanswered && !self.pass.left {
             self.fast_failures += 1;
             if self.pass.fast_refused || self.fast_failures >= FAST_TRIES {
                 self.fast = FastState::NotSupported;
@@ -179,7 +179,7 @@ impl Bus {
             if self.pass.answers[position] != Answer::Awaited {
                 continue;
             }
-            if self.servos[i].rest.until_ns.is_some() {
+            if self.servos[i].rest.until_ns.is_some() && !self.pass.left {
                 // It had been silent and was asked last: it still is.
                 self.servos[i].was_silent(now_ns);
             } else if first.is_none() {

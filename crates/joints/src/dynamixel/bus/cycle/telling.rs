@@ -204,8 +204,8 @@ impl Bus {
             (Answer::Got, None) => write.not_held(),
             (Answer::Got, Some(error)) => WriteError::Servo(error),
             (Answer::Damaged, _) => WriteError::Damaged,
-            (Answer::Awaited, _) if self.is_left(&write, now_ns) => {
-                self.tell_again(0);
+            (Answer::Awaited, _) if self.pass.left => {
+                self.tell_again(0, now_ns);
                 return;
             }
             (Answer::Awaited, _) => WriteError::Silent,
@@ -227,10 +227,10 @@ impl Bus {
             let stays = match self.pass.answers[position] {
                 Answer::Got => self.told_in_vain(at, write.not_held(), now_ns),
                 Answer::Damaged => self.told_in_vain(at, WriteError::Damaged, now_ns),
-                Answer::Awaited if self.pass.is_silent(position) && !self.is_left(&write, now_ns) => {
+                Answer::Awaited if self.pass.is_silent(position) => {
                     self.told_in_vain(at, WriteError::Silent, now_ns)
                 }
-                Answer::Awaited => self.tell_again(at),
+                Answer::Awaited => self.tell_again(at, now_ns),
             };
             at += usize::from(stays);
         }
@@ -239,7 +239,7 @@ impl Bus {
     /// All have said what they hold, or will not any more. Those that were not heard are given their goals again in the next
     /// cycle: a busy host can miss an answer.
     pub(super) fn end_together(&mut self) {
-        if self.write_tries + 1 < WRITE_TRIES {
+        if self.pass.left || self.write_tries + 1 < WRITE_TRIES {
             self.write_tries += 1;
             self.writes_done = true;
             self.let_urgent_pass();
@@ -255,15 +255,20 @@ impl Bus {
         }
     }
 
-    /// Whether its servo was not waited for as long as it should have been, since other motors are to be off now.
-    fn is_left(&self, write: &Write, now_ns: u64) -> bool {
-        self.offs_untold && self.is_first_off(write, now_ns)
-    }
-
-    /// A servo that may only have had no time to answer is told again with the others; watchdogs wait for motors that are to be
-    /// off. Says whether the write stays where it is.
-    fn tell_again(&mut self, at: usize) -> bool {
-        self.writes[at].is_motor_off() || !self.let_pass(at, |next| next.urgent)
+    /// A servo that may only have had no time to answer is told again with the others; watchdogs and goals wait for motors that
+    /// are to be off. Says whether the write stays where it is.
+    fn tell_again(&mut self, at: usize, now_ns: u64) -> bool {
+        let write = self.writes[at];
+        // In the next cycle, where the others would not be read in this one.
+        self.writes_done |= self.pass.left && !self.is_first_off(&write, now_ns);
+        if !write.urgent {
+            self.let_urgent_pass();
+            return false;
+        }
+        if !write.is_motor_off() {
+            return !self.let_pass(at, |next| next.urgent);
+        }
+        write.tries == 0 || !self.let_pass(at, |next| next.switches_off() && next.tries == 0)
     }
 
     /// What a servo was told is told again, or has failed. Says whether it stays where it is.
