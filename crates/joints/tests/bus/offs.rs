@@ -301,6 +301,63 @@ fn of_two_servos_with_one_id_both_have_to_be_off() {
 }
 
 #[test]
+fn of_two_servos_with_one_id_the_first_that_says_it_is_on_is_not_outdone_by_the_other() {
+    let mut w = watched(3, 2540);
+    start(&mut w, 0..3);
+    for servo in 0..3 {
+        w.bus.numbered_command(7, servo, OFF).unwrap();
+    }
+    w.bus.begin(w.now_ns);
+    while w.requests.last().is_none_or(|r| (r[7], r[8]) != (0x82, TORQUE)) {
+        assert!(w.turn());
+    }
+    let length = usize::from(w.requests.last().unwrap()[10]);
+    w.servos.hang_up();
+    for (id, torque) in [(1, 1), (1, 0), (2, 0), (3, 0)] {
+        let mut data = vec![0; length];
+        data[0] = torque;
+        let mut encoder = Encoder::default();
+        let answer = encoder.status(id, 0, &data).unwrap();
+        w.bus.space()[..answer.len()].copy_from_slice(answer);
+        let bytes = answer.len();
+        w.bus.take_bytes(bytes, w.now_ns);
+    }
+    let is_done = |w: &World, servo| {
+        let done = w.bus.servo(servo).unwrap().motor_off.written;
+        done.is_some_and(|done| (done.number, done.result) == (7, Ok(())))
+    };
+    assert_eq!([0, 1, 2].map(|servo| is_done(&w, servo)), [false, true, true]);
+    w.requests.clear();
+    w.cycles(10);
+    let told = |at: u8| {
+        let is_told = |r: &Vec<u8>| (r[7], r[8]) == (0x83, at) && r[12..].chunks(2).any(|to| to[0] == 1);
+        w.requests.iter().position(is_told)
+    };
+    assert!(told(TORQUE).unwrap() < told(WATCHDOG).unwrap());
+    assert!(is_done(&w, 0) && says_off(&w, 0) && !w.bus.has_writes());
+}
+
+#[test]
+fn no_watchdog_of_two_servos_with_one_id_is_cleared_wherever_they_are_asked() {
+    for shared in 1..=3 {
+        let mut w = watched(3, 2540);
+        start(&mut w, 0..3);
+        w.fault(shared, ServoFault::Twice);
+        w.cycles(300);
+        switch_off(&mut w, 0..3);
+        w.cycles(10);
+        assert!(!w.bus.has_writes(), "{shared}");
+        for id in 1..=3 {
+            let of = (
+                register(&w, id, TORQUE.into(), 1),
+                register(&w, id, WATCHDOG.into(), 1),
+            );
+            assert_eq!(of, (0, if id == shared { 127 } else { 0 }), "{shared}: {id}");
+        }
+    }
+}
+
+#[test]
 fn no_motor_of_several_is_said_to_be_off_that_is_on_nor_runs_without_a_watchdog() {
     const N: u8 = 4;
     for seed in 0..200 {

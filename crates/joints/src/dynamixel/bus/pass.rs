@@ -53,8 +53,8 @@ pub(crate) struct Pass {
     pub(crate) refused: Option<StatusError>,
     /// How many of those that were told something have not said that they hold it; what they were told is in front of all else.
     pub(crate) told: usize,
-    /// Whether the one servo that was told something holds it, as it says; `None` before it does.
-    pub(crate) held: Option<bool>,
+    /// Whether each servo that was told something holds it, as all its answers say; `None` before one does.
+    pub(crate) held: Vec<Option<bool>>,
 }
 
 impl Pass {
@@ -74,7 +74,7 @@ impl Pass {
             left: false,
             refused: None,
             told: 0,
-            held: None,
+            held: Vec::with_capacity(servos),
         }
     }
 
@@ -90,7 +90,8 @@ impl Pass {
         self.fast_refused = false;
         self.left = false;
         self.refused = None;
-        self.held = None;
+        self.held.clear();
+        self.held.resize(self.order.len(), None);
     }
 
     /// Bytes that one servo puts on the wire.

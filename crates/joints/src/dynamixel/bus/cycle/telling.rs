@@ -142,10 +142,11 @@ impl Bus {
         let Some(at) = out.position(|write| write.servo == servo) else {
             return self.take_held_again(servo, data);
         };
-        let held = refused.is_none() && is_held(&self.writes[at], data);
+        // Of two servos with one id both have to.
+        let is_denied = self.pass.held[position] == Some(false);
+        let held = !is_denied && refused.is_none() && is_held(&self.writes[at], data);
+        self.pass.held[position] = Some(held);
         if self.pass.order.len() == 1 {
-            // Of two servos with one id both have to.
-            self.pass.held = Some(held && self.pass.held != Some(false));
             self.pass.refused = self.pass.refused.or(refused);
         } else if held {
             self.end_held(at);
@@ -175,7 +176,9 @@ impl Bus {
             self.note(write.servo, write.number, Ok(()));
         }
         let urgent = self.writes.iter().take_while(|write| write.urgent);
-        if write.switches_off() && urgent.clone().all(|other| other.servo != write.servo) {
+        // Of two with its id the other may be on, so that theirs stay armed.
+        let is_shared = self.servos[write.servo].is_shared(self.begun_ns);
+        if write.switches_off() && !is_shared && urgent.clone().all(|other| other.servo != write.servo) {
             // Its watchdog waits until the others have said that they are off.
             let behind = urgent.count();
             self.writes.insert(behind, Write::disarming(&write));
@@ -197,7 +200,7 @@ impl Bus {
             return;
         };
         let error = match (self.pass.answers[0], self.pass.refused) {
-            (Answer::Got, None) if self.pass.held == Some(true) => {
+            (Answer::Got, None) if self.pass.held[0] == Some(true) => {
                 self.write_tries = 0;
                 return self.end_held(0);
             }
