@@ -9,7 +9,19 @@ import threading
 import pytest
 from harness.bus import MulticastBuses
 from harness.daemon import Daemon, binary, eventually
-from harness.joints import IDS, SCENE, TICK, TORQUE, WATCHDOG, WRITING, dynamixel, servo
+from harness.joints import (
+    IDS,
+    PRESENT_PWM,
+    PWM_MODE,
+    SCENE,
+    TICK,
+    TORQUE,
+    WATCHDOG,
+    WRITING,
+    comes,
+    dynamixel,
+    servo,
+)
 from harness.servos import Servos
 
 ENDING = [
@@ -73,6 +85,35 @@ def test_a_signal_that_tells_of_a_fault_ends_it_at_once_and_motors_stop_by_their
         eventually(lambda: servos.stopped_ns(5), "the watchdog does not act")
         # What it has left behind is in nobody's way.
         daemon.start()
+    servos.close()
+
+
+def test_a_motor_that_a_killed_taxeld_has_left_on_is_switched_off_by_the_next(folder):
+    servos = Servos("--ids", "1-16")
+    servos.tell(f"mode 5 {PWM_MODE}")
+    joints = dynamixel(servos.path, **WRITING)
+    for _ in range(10):
+        stopped_ns = servos.stopped_ns(5)
+        with Daemon(folder / "d", SCENE, tick=TICK, joints=joints) as daemon:
+            daemon.wait_status(lambda s: s["joints"]["readings"] > 50, "nothing is read")
+            assert servo(daemon, "joint 5", "--torque", "on", "--pwm", "20") == (0, "")
+            eventually(lambda: servos.register(5, *PRESENT_PWM) != 0, "the motor does not turn")
+            daemon.kill()
+        with Daemon(folder / "d", SCENE, tick=TICK, joints=joints) as daemon:
+            off = lambda: servos.register(5, *TORQUE) == 0 or servos.stopped_ns(5) != stopped_ns
+            eventually(off, "the next taxeld feeds the watchdog of the motor and leaves it on")
+            if servos.stopped_ns(5) != stopped_ns:
+                continue  # the machine was held up: the watchdog was earlier than the next taxeld
+            problem = comes(daemon, "motor-lost", "joint 5", "was left on by a taxeld that was killed", "enabled anew")
+            assert problem["severe"] and problem["sentence"] in daemon.log
+            eventually(lambda: servos.register(5, *WATCHDOG) == 0, "its watchdog stays armed")
+            status, said = servo(daemon, "joint 5", "--pwm", "1")
+            assert status == 1 and "was left on by a taxeld that was killed" in said, said
+            assert servo(daemon, "joint 5", "--torque", "on") == (0, "")
+            daemon.wait_status(lambda s: s["problems"] == [], "it is never over")
+        break
+    else:
+        pytest.fail("no taxeld has started before the watchdog ran out")
     servos.close()
 
 
