@@ -210,7 +210,7 @@ def test_whoever_makes_room_has_all_motors_switched_off_that_were_to_be(folder):
         client = stack.enter_context(connect(daemon.control_path))
         for n in range(2, 9):
             assert ask(client, {"cmd": "servo", "joint": f"joint {n}", "torque": True})["ok"]
-        os.kill(daemon.process.pid, signal.SIGSTOP)
+        daemon.hold()
         client.sendall(off)
         for _ in range(100):
             stack.enter_context(connect(daemon.control_path))
@@ -407,7 +407,7 @@ def test_who_has_gone_before_it_was_begun_has_a_motor_switched_off_and_nothing_e
             (torque("joint 6", True), None),
             ({"cmd": "servos", "pwm_percent": {"joint 8": 50}}, None),
         ]
-        os.kill(daemon.process.pid, signal.SIGSTOP)
+        daemon.hold()
         for request, _ in asked:
             with connect(daemon.control_path) as client:
                 client.sendall(json.dumps(request).encode() + b"\n")

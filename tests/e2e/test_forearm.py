@@ -74,7 +74,8 @@ def test_a_squeeze_is_recorded_as_the_publication_s_files_are(folder, servos):
         assert "next is place 0 (0.0 %, the wrist), squeeze 1 of 1" in said
         line = json.loads(out)
         assert line["file"] == str(daemon.folder / "session" / "0" / "distance0_1.mat") and line["samples"] == 95
-        assert registers(servos, TORQUE) == [0, 0] and registers(servos, WATCHDOG) == [0, 0]
+        assert registers(servos, TORQUE) == [0, 0]
+        eventually(lambda: registers(servos, WATCHDOG) == [0, 0], "their watchdogs stay armed")
         with np.load(npz) as arrays:
             data, places = arrays["data"], arrays["location_percent"]
         assert data.shape == (1, 1, 95, 10) and places.tolist() == [0.0]

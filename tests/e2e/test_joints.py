@@ -279,11 +279,12 @@ def test_torque_and_pwm_are_written_on_request_with_the_watchdog_armed(folder):
         assert status == 1 and "joint 6: the servo does not answer" in said, said
         servos.tell("mend 6")
         assert servo(daemon, "joint 5", "--torque", "off") == (0, "")
-        assert (servos.register(5, *WATCHDOG), servos.register(5, *TORQUE)) == (0, 0)
+        assert servos.register(5, *TORQUE) == 0
+        servos.let_go(5)
         assert daemon.status()["joints"]["joints"][4]["torque_enabled"] is False
         assert all_known(watch.more(30)[-1]), "writing hides angles"
     # The daemon has ended, and with it all that it had switched on.
-    assert (servos.register(6, *WATCHDOG), servos.register(6, *TORQUE)) == (0, 0)
+    servos.let_go(6)
 
     servos.tell(f"mode 5 {PWM_MODE}")
     with Daemon(folder / "d", SCENE, tick=TICK, joints=joints) as daemon:
@@ -339,7 +340,7 @@ def test_a_motor_that_does_not_confirm_that_it_is_off_is_told_again_and_said_to_
             servos.tell(f"mend {id}")
         for id, line in off.items():
             eventually(lambda: line in daemon.log, f"nobody says that joint {id} is off")
-            assert (servos.register(id, *WATCHDOG), servos.register(id, *TORQUE)) == (0, 0)
+            servos.let_go(id)
         daemon.wait_status(lambda s: s["problems"] == [], "it is never over")
     servos.close()
 

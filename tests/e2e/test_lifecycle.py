@@ -118,8 +118,7 @@ def test_a_daemon_that_ends_leaves_the_sockets_of_one_alone_that_came_into_its_f
     sockets = {name: at / f"{name}.sock" for name in ("images", "control")}
     with Daemon(folder / "first", buses.sources, socket=sockets) as first:
         # It does not look before it goes on, and then it is too late.
-        first.process.send_signal(signal.SIGSTOP)
-        os.waitid(os.P_PID, first.process.pid, os.WSTOPPED)
+        first.hold()
         shutil.rmtree(at)
         with Daemon(folder / "second", buses.sources, socket=sockets) as second:
             first.process.send_signal(signal.SIGCONT)

@@ -176,6 +176,11 @@ class Daemon:
             self.kill()
             raise AssertionError(f"taxeld did not end within {seconds} s of {by!r}:\n{self.log}") from None
 
+    def hold(self):
+        """Stops it, as a machine that is held up, until SIGCONT; it is when this returns."""
+        self.process.send_signal(signal.SIGSTOP)
+        os.waitid(os.P_PID, self.process.pid, os.WSTOPPED)
+
     def kill(self):
         if self.process and self.process.poll() is None:
             self.process.kill()

@@ -56,6 +56,11 @@ class Servos:
         """What stands in a servo's table."""
         return int(self._ask(f"register {id} {address} {size}"))
 
+    def let_go(self, id):
+        """Waits until a servo's motor is off and its bus watchdog cleared, of which nobody is told."""
+        registers = lambda: (self.register(id, 98, 1), self.register(id, 64, 1))
+        eventually(lambda: registers() == (0, 0), lambda: f"watchdog and torque of {id} are {registers()}")
+
     def stopped_ns(self, id):
         """When a servo's bus watchdog stopped it, `time.monotonic_ns`; 0 for never."""
         return int(self._ask(f"stopped {id}"))
