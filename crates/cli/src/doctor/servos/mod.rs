@@ -1,12 +1,14 @@
 //! The servos: who answers, how they are set, what they complain of.
 
+mod timing;
+
 use super::finding::{Check, State};
 use std::borrow::Cow;
 use std::collections::BTreeSet;
 use taxel_diagnose::{
     Kind, missing_servos, servo_name, servo_state, silent_servo, two_servos, unknown_model,
 };
-use taxel_joints::bus::{ServoState, wire_ns};
+use taxel_joints::bus::ServoState;
 use taxel_joints::registers::{Model, baud_of};
 use taxel_joints::{BusSurvey, DynamixelConfig, SurveyedServo};
 
@@ -15,12 +17,6 @@ const AREA: &str = "servos";
 const LONG_DELAY_US: u16 = 20;
 /// The supply that the data sheet allows, volts.
 const SUPPLY_V: std::ops::RangeInclusive<f64> = 9.5..=16.0;
-/// Answers to a sync read of so many bytes; the request has 14 and one per servo (docs/protocols.md,
-/// "Dynamixel cycle").
-const CYCLE_BYTES: usize = 12;
-/// Most that `answer_margin_ms` may be.
-const MOST_MARGIN_MS: f64 = 500.0;
-
 /// What was asked of the bus and what came.
 #[derive(Debug, Clone, PartialEq)]
 pub(super) struct ServoFacts {
@@ -103,8 +99,8 @@ pub(super) fn check(config: &DynamixelConfig, facts: &ServoFacts) -> Vec<Check> 
             .wanted("a [[joints.servo]] table, or another bus for it"),
         );
     }
-    checks.extend(check_answer_time(config, &port, survey));
-    checks.push(check_cycle(config, &port, survey));
+    checks.extend(timing::answers(config, &port, survey));
+    checks.push(timing::cycle(config, &port, survey));
     checks
 }
 
@@ -228,75 +224,6 @@ fn by_name(mut checks: Vec<Check>) -> Vec<Check> {
     checks
 }
 
-/// Whether the daemon waits long enough for the servos' answers; nothing where none of them answered a read. One answer that
-/// comes late is that of a busy machine.
-fn check_answer_time(config: &DynamixelConfig, port: &str, survey: &BusSurvey) -> Option<Check> {
-    let servos = (survey.servos.iter()).filter(|s| config.servo.iter().any(|wanted| wanted.id == s.id));
-    let took: Vec<_> = servos
-        .filter_map(|s| Some((s.id, s.answer_ns.clone()?)))
-        .collect();
-    let usual_ms = survey.usual_margin_ns() as f64 / 1e6;
-    let margin_ms = config.answer_margin_ms.unwrap_or(usual_ms);
-    let ms = |ns: &u64| *ns as f64 / 1e6;
-    let late: Vec<u8> = (took.iter())
-        .filter_map(|(id, took)| (ms(took.start()) > margin_ms).then_some(*id))
-        .collect();
-    let slowest_ms = took.iter().map(|(_, took)| ms(took.end())).reduce(f64::max)?;
-    if late.is_empty() {
-        let found = format!("the slowest came {slowest_ms:.1} ms after its time on the wire");
-        return Some(Check::ok(AREA, "answer time", port, found));
-    }
-    let enough_ms = (2.0 * slowest_ms).ceil().min(MOST_MARGIN_MS);
-    Some(
-        Check::error(
-            AREA,
-            "answer time",
-            port,
-            format!(
-                "answers come up to {slowest_ms:.0} ms after their time on the wire, and taxeld waits {margin_ms} ms: it does \
-                 not read servos {}",
-                list(&late)
-            ),
-        )
-        .wanted(format!("at most {margin_ms} ms"))
-        .advise(format!(
-            "write answer_margin_ms = {enough_ms:.1} into [joints]; or look for what delays them: a USB hub, or a slow adapter"
-        )),
-    )
-}
-
-/// Whether the servos can be read as often as the configuration wants.
-fn check_cycle(config: &DynamixelConfig, port: &str, survey: &BusSurvey) -> Check {
-    let n = config.servo.len();
-    let bytes = 14 + n + n * (11 + CYCLE_BYTES);
-    let delays_us: u64 = survey
-        .servos
-        .iter()
-        .filter(|s| config.servo.iter().any(|w| w.id == s.id))
-        .filter_map(|s| s.identity)
-        .map(|identity| u64::from(identity.return_delay_us))
-        .sum();
-    let usb_us = survey.latency.ftdi_timer_ms.map_or(0, |ms| u64::from(ms) * 1000);
-    let cycle_us = wire_ns(bytes, config.baud) / 1000 + delays_us + usb_us;
-    let most_hz = 1e6 / cycle_us.max(1) as f64;
-    let found = format!(
-        "a cycle takes {:.2} ms ({:.2} on the wire, {:.2} return delay{}): up to {most_hz:.0} Hz",
-        cycle_us as f64 / 1e3,
-        wire_ns(bytes, config.baud) as f64 / 1e6,
-        delays_us as f64 / 1e3,
-        match usb_us {
-            0 => String::new(),
-            us => format!(", {:.0} USB", us as f64 / 1e3),
-        }
-    );
-    match most_hz >= config.rate_hz {
-        true => Check::ok(AREA, "cycle", port, found),
-        false => Check::warning(AREA, "cycle", port, found)
-            .wanted(format!("{} Hz, as [joints] rate_hz says", config.rate_hz))
-            .advise("return delay 0, a latency timer of 1 ms, a higher bit rate, or fewer servos per bus"),
-    }
-}
-
 fn list(ids: &[u8]) -> String {
     let ids: Vec<String> = ids.iter().map(u8::to_string).collect();
     ids.join(", ")
@@ -305,12 +232,11 @@ fn list(ids: &[u8]) -> String {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use std::ops::RangeInclusive;
     use taxel_joints::PortLatency;
     use taxel_joints::bus::ServoIdentity;
     use taxel_joints::registers::HardwareError;
 
-    fn servo(id: u8) -> SurveyedServo {
+    pub(super) fn servo(id: u8) -> SurveyedServo {
         SurveyedServo {
             id,
             model_number: 1030,
@@ -445,67 +371,5 @@ mod tests {
                 "{name}"
             );
         }
-    }
-
-    #[test]
-    fn answers_that_come_too_late_for_the_daemon_are_told_with_the_margin_that_they_need() {
-        const MS: u64 = 1_000_000;
-        let told = |answer_ns: Option<RangeInclusive<u64>>, margin_ms: Option<f64>, timer_ms: Option<u32>| {
-            let mut config = DynamixelConfig::new("p", 1..=2);
-            config.answer_margin_ms = margin_ms;
-            let mut late = servo(2);
-            late.answer_ns = answer_ns;
-            let survey = BusSurvey {
-                servos: vec![servo(1), late],
-                damaged: 0,
-                latency: PortLatency {
-                    ftdi_timer_ms: timer_ms,
-                    ..PortLatency::default()
-                },
-            };
-            let check = check_answer_time(&config, "p", &survey).unwrap();
-            (check.state, format!("{}; {}", check.found, check.mend_text()))
-        };
-        for (answer_ns, margin_ms, timer_ms) in [
-            (None, None, None),
-            (Some(MS..=3 * MS), None, None),
-            // A busy machine, which delays one.
-            (Some(MS..=60 * MS), None, None),
-            (Some(60 * MS..=62 * MS), Some(100.0), None),
-            (Some(20 * MS..=30 * MS), None, Some(16)),
-        ] {
-            let (state, text) = told(answer_ns, margin_ms, timer_ms);
-            assert_eq!(state, State::Ok, "{text}");
-        }
-        for (answer_ns, margin_ms, advice) in [
-            (60 * MS..=62 * MS, None, "answer_margin_ms = 124.0"),
-            (60 * MS..=62 * MS, Some(50.0), "answer_margin_ms = 124.0"),
-            (300 * MS..=310 * MS, None, "answer_margin_ms = 500.0"),
-        ] {
-            let (state, text) = told(Some(answer_ns), margin_ms, None);
-            assert_eq!(state, State::Error, "{text}");
-            assert!(text.contains("servos 2") && text.contains(advice), "{text}");
-        }
-    }
-
-    #[test]
-    fn a_cycle_that_is_too_long_for_the_rate_is_told() {
-        let mut config = DynamixelConfig::new("p", 1..=16);
-        config.baud = 57_600;
-        let slow: Vec<SurveyedServo> = (1..=16)
-            .map(|id| {
-                let mut s = servo(id);
-                s.identity.as_mut().unwrap().return_delay_us = 500;
-                s
-            })
-            .collect();
-        let survey = BusSurvey {
-            servos: slow,
-            damaged: 0,
-            latency: PortLatency::default(),
-        };
-        let cycle = check_cycle(&config, "p", &survey);
-        assert_eq!(cycle.state, State::Warning);
-        assert!(cycle.found.contains("8.00 return delay"), "{}", cycle.found);
     }
 }
