@@ -1,4 +1,5 @@
 mod boards;
+mod daemon;
 mod hand;
 mod hidden;
 mod joints;
