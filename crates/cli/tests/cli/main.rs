@@ -28,6 +28,7 @@ mod recordings;
 mod replay;
 mod setup;
 mod shown_images;
+mod silent_hands;
 mod sim;
 mod streams;
 mod view;
