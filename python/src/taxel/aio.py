@@ -179,14 +179,8 @@ class Control:
         held = self._held
         line = requests.encode(request, held is not None)
         if held:
-            is_off = requests.is_off(request)
-            try:
-                reply = await held.ask(request, line)
-            except ConnectionError:
-                if not is_off:
-                    raise
-                reply = b""
-            if not is_off or (reply and not requests.is_to_be_asked_again(reply)):
+            reply = await held.ask(request, line)
+            if not requests.is_to_be_asked_elsewhere(request, reply):
                 return requests.decode(reply, held.path)
         for _ in range(requests.TRIES):
             place = requests.place(self.path, request)
@@ -223,7 +217,7 @@ class _Connection:
         """The reply, nothing where the connection has ended. A time-out ends it: the next would be given its reply."""
         async with self._alone:
             if self._has_ended:
-                raise requests.ended(self.path)
+                return requests.reply_behind_the_end(request, self.path)
             reply = b""
             try:
                 reply = await asyncio.wait_for(self._reply_to(line), self._timeout)

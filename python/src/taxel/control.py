@@ -99,14 +99,8 @@ class Control:
         held = self._held
         line = requests.encode(request, held is not None)
         if held:
-            is_off = requests.is_off(request)
-            try:
-                reply = held.ask(request, line)
-            except ConnectionError:
-                if not is_off:
-                    raise
-                reply = b""
-            if not is_off or (reply and not requests.is_to_be_asked_again(reply)):
+            reply = held.ask(request, line)
+            if not requests.is_to_be_asked_elsewhere(request, reply):
                 return requests.decode(reply, held.path)
         for _ in range(requests.TRIES):
             with contextlib.closing(_Connection(requests.place(self.path, request), self.timeout)) as connection:
@@ -135,7 +129,7 @@ class _Connection:
         """The reply, nothing where the connection has ended. A time-out ends it: the next would be given its reply."""
         with self._alone:
             if self._replies.closed:
-                raise requests.ended(self.path)
+                return requests.reply_behind_the_end(request, self.path)
             try:
                 # What has closed the connection may have said why.
                 with contextlib.suppress(ConnectionError):

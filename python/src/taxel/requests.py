@@ -53,10 +53,15 @@ def encode(request: Dict[str, Any], is_held: bool) -> bytes:
     return json.dumps(plain(request)).encode() + b"\n"
 
 
-def is_off(request: Dict[str, Any]) -> bool:
+def _is_off(request: Dict[str, Any]) -> bool:
     """Whether it has a motor switched off, which depends on no connection and may be asked for twice."""
     # Whatever else it may be is the daemon's to refuse.
     return isinstance(request, dict) and request.keys() == {"cmd", "joint", "torque"} and not request["torque"]
+
+
+def is_to_be_asked_elsewhere(request: Dict[str, Any], reply: bytes) -> bool:
+    """Whether the connection of a `with` block left unanswered what may be asked over others."""
+    return _is_off(request) and (not reply or is_to_be_asked_again(reply))
 
 
 def is_to_be_asked_again(reply: bytes) -> bool:
@@ -90,6 +95,8 @@ def unanswered(request: Dict[str, Any], path: str, timeout: float) -> TimeoutErr
     return TimeoutError(f"{path}: taxeld has not answered within {timeout} s{perhaps}")
 
 
-def ended(path: str) -> ConnectionError:
-    """The connection of a `with` block is over."""
-    return ConnectionError(f"{path}: the connection has ended, and what it held is let go; begin another `with`")
+def reply_behind_the_end(request: Dict[str, Any], path: str) -> bytes:
+    """None, of a connection that is over; raises ConnectionError for what is not asked elsewhere."""
+    if is_to_be_asked_elsewhere(request, b""):
+        return b""
+    raise ConnectionError(f"{path}: the connection has ended, and what it held is let go; begin another `with`")
