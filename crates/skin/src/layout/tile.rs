@@ -5,6 +5,7 @@ use super::source::{FileModule, Source};
 use super::wiring::Wiring;
 use crate::protocol::Order;
 use std::ops::Range;
+use taxel_hand::Whole;
 use toml::Spanned;
 
 /// Cell of an `order` table where the module has no taxel.
@@ -53,6 +54,42 @@ pub(crate) fn check_order(
     };
     let rows = order.get_ref();
     let columns = rows.first().map_or(0, |row| row.get_ref().len());
+    let mut cells = cells_in(source, module, wiring, rows, columns)?;
+    if cells.is_empty() {
+        return source.refuse(&order.span(), LayoutProblem::OrderEmpty { module: name() });
+    }
+    // Of equal ones the first of the file stays the first.
+    cells.sort_by_key(|c| c.k);
+    if let Some([first, again]) = cells.windows(2).find(|pair| pair[0].k == pair[1].k) {
+        let problem = LayoutProblem::OrderRepeats {
+            module: name(),
+            k: again.k,
+            first_row: first.row,
+            row: again.row,
+        };
+        return source.refuse(&rows[again.row].span(), problem);
+    }
+    let counts_from_1 = cells.iter().zip(1..).all(|(cell, k)| cell.k == k);
+    if counts_from_1 && cells.len() > 1 && !protocol.0.is_temperature(0, icub) {
+        let problem = LayoutProblem::OrderFromOne {
+            module: name(),
+            taxels: cells.len(),
+        };
+        return source.refuse(&order.span(), problem);
+    }
+    Ok(([rows.len(), columns], cells))
+}
+
+/// The taxels of an `order` of a file, row by row.
+fn cells_in(
+    source: &Source<'_>,
+    module: &FileModule,
+    wiring: &Wiring,
+    rows: &[Spanned<Vec<i64>>],
+    columns: usize,
+) -> Result<Vec<Cell>, LayoutError> {
+    let (protocol, icub) = (wiring.protocol, wiring.icub.as_ref());
+    let name = || module.name.clone();
     let mut cells: Vec<Cell> = Vec::new();
     for (row, cells_of_row) in rows.iter().enumerate() {
         let span = cells_of_row.span();
@@ -87,29 +124,7 @@ pub(crate) fn check_order(
             cells.push(Cell { k, row, column });
         }
     }
-    if cells.is_empty() {
-        return source.refuse(&order.span(), LayoutProblem::OrderEmpty { module: name() });
-    }
-    // Of equal ones the first of the file stays the first.
-    cells.sort_by_key(|c| c.k);
-    if let Some([first, again]) = cells.windows(2).find(|pair| pair[0].k == pair[1].k) {
-        let problem = LayoutProblem::OrderRepeats {
-            module: name(),
-            k: again.k,
-            first_row: first.row,
-            row: again.row,
-        };
-        return source.refuse(&rows[again.row].span(), problem);
-    }
-    let counts_from_1 = cells.iter().zip(1..).all(|(cell, k)| cell.k == k);
-    if counts_from_1 && cells.len() > 1 && !protocol.0.is_temperature(0, icub) {
-        let problem = LayoutProblem::OrderFromOne {
-            module: name(),
-            taxels: cells.len(),
-        };
-        return source.refuse(&order.span(), problem);
-    }
-    Ok(([rows.len(), columns], cells))
+    Ok(cells)
 }
 
 /// Rows and columns of an order that a protocol assumes, and its taxels in ascending `k`.
@@ -172,61 +187,62 @@ pub(crate) fn check_positions(
     module: &FileModule,
     cells: &[Cell],
 ) -> Result<Vec<Option<[f32; 3]>>, LayoutError> {
-    let refuse = |span: &Range<usize>, why: String| {
-        source.refuse(
-            span,
-            LayoutProblem::Positions {
-                module: module.name.clone(),
-                why,
-            },
-        )
+    let positions = match (&module.positions_mm, &module.pitch_mm, &module.origin_mm) {
+        (Some(list), ..) => listed(module, list, cells.len()),
+        (None, Some(pitch), Some(origin)) => in_a_grid(module, pitch, origin, cells),
+        (None, pitch, origin) => {
+            let axes = module.axes.as_ref().map(Spanned::span);
+            let given = (pitch.as_ref().map(Spanned::span))
+                .or(origin.as_ref().map(Spanned::span))
+                .or(axes);
+            match given {
+                Some(span) => Err((span, "positions need both pitch_mm and origin_mm".into())),
+                None => Ok(vec![None; cells.len()]),
+            }
+        }
     };
-    let finite = |place: &[f64; 3]| place.iter().all(|v| v.is_finite() && v.abs() <= 1e6);
-    if let Some(list) = &module.positions_mm {
-        let span = list.span();
-        let list = &list.get_ref().0;
-        if module.pitch_mm.is_some() || module.origin_mm.is_some() || module.axes.is_some() {
-            return refuse(
-                &span,
-                "give either positions_mm or pitch_mm, origin_mm and axes, not both".into(),
-            );
-        }
-        if list.len() != cells.len() {
-            let why = format!(
-                "positions_mm has {} places for {} taxels",
-                list.len(),
-                cells.len()
-            );
-            return refuse(&span, why);
-        }
-        if let Some(index) = list.iter().position(|place| !finite(place)) {
-            return refuse(
-                &span,
-                format!("place {index} of positions_mm is not within 1e6 mm"),
-            );
-        }
-        return Ok(list.iter().map(|place| Some(place.map(|v| v as f32))).collect());
+    positions.or_else(|(span, why)| {
+        let module = module.name.clone();
+        source.refuse(&span, LayoutProblem::Positions { module, why })
+    })
+}
+
+/// Positions, or what is wrong with them, and where.
+type Positions = Result<Vec<Option<[f32; 3]>>, (Range<usize>, String)>;
+
+fn listed(module: &FileModule, list: &Spanned<Whole<Vec<[f64; 3]>>>, taxels: usize) -> Positions {
+    let refuse = |why: String| Err((list.span(), why));
+    let list = &list.get_ref().0;
+    if module.pitch_mm.is_some() || module.origin_mm.is_some() || module.axes.is_some() {
+        return refuse("give either positions_mm or pitch_mm, origin_mm and axes, not both".into());
     }
-    let (Some(pitch), Some(origin)) = (&module.pitch_mm, &module.origin_mm) else {
-        let given = [
-            module.pitch_mm.as_ref().map(Spanned::span),
-            module.origin_mm.as_ref().map(Spanned::span),
-            module.axes.as_ref().map(Spanned::span),
-        ];
-        return match given.into_iter().flatten().next() {
-            Some(span) => refuse(&span, "positions need both pitch_mm and origin_mm".into()),
-            None => Ok(vec![None; cells.len()]),
-        };
-    };
+    if list.len() != taxels {
+        return refuse(format!(
+            "positions_mm has {} places for {taxels} taxels",
+            list.len()
+        ));
+    }
+    if let Some(index) = list.iter().position(|place| !is_near(place)) {
+        return refuse(format!("place {index} of positions_mm is not within 1e6 mm"));
+    }
+    Ok(list.iter().map(|place| Some(place.map(|v| v as f32))).collect())
+}
+
+fn in_a_grid(
+    module: &FileModule,
+    pitch: &Spanned<f64>,
+    origin: &Spanned<Whole<[f64; 3]>>,
+    cells: &[Cell],
+) -> Positions {
     let p = *pitch.get_ref();
     if !(p > 0.0 && p <= 1000.0) {
-        return refuse(
-            &pitch.span(),
+        return Err((
+            pitch.span(),
             format!("pitch_mm = {p} is not above 0 and up to 1000"),
-        );
+        ));
     }
-    if !finite(&origin.get_ref().0) {
-        return refuse(&origin.span(), "origin_mm is not within 1e6 mm".into());
+    if !is_near(&origin.get_ref().0) {
+        return Err((origin.span(), "origin_mm is not within 1e6 mm".into()));
     }
     let axes = match &module.axes {
         None => [[1.0, 0.0, 0.0], [0.0, 1.0, 0.0]],
@@ -236,18 +252,20 @@ pub(crate) fn check_positions(
             let near = |value: f64, expected: f64| (value - expected).abs() <= 0.02;
             if !(near(dot(a, a), 1.0) && near(dot(b, b), 1.0) && near(dot(a, b), 0.0)) {
                 let why = "axes must be two unit vectors at right angles: along a row, and from row to row";
-                return refuse(&axes.span(), why.into());
+                return Err((axes.span(), why.into()));
             }
             [a, b]
         }
     };
-    Ok(cells
-        .iter()
-        .map(|cell| {
-            let place = |i: usize| {
-                origin.get_ref().0[i] + p * (cell.column as f64 * axes[0][i] + cell.row as f64 * axes[1][i])
-            };
-            Some([place(0) as f32, place(1) as f32, place(2) as f32])
-        })
-        .collect())
+    let position = |cell: &Cell| {
+        let place = |i: usize| {
+            origin.get_ref().0[i] + p * (cell.column as f64 * axes[0][i] + cell.row as f64 * axes[1][i])
+        };
+        Some([place(0) as f32, place(1) as f32, place(2) as f32])
+    };
+    Ok(cells.iter().map(position).collect())
+}
+
+fn is_near(place: &[f64; 3]) -> bool {
+    place.iter().all(|v| v.is_finite() && v.abs() <= 1e6)
 }
