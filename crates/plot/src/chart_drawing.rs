@@ -1,7 +1,7 @@
 //! How a chart is drawn.
 
 use crate::axis::Scale;
-use crate::chart::{Chart, Marks};
+use crate::chart::{Chart, Layer, Marks};
 use crate::colour;
 use crate::error::PlotError;
 use crate::pen::{Pen, Place, Side, fit, text_width};
@@ -169,91 +169,98 @@ fn draw_axes(
 }
 
 fn draw_layers(chart: &Chart, pen: &Pen<'_>, plane: &Plane, names: &[&str]) -> Result<(), PlotError> {
-    let beside: Vec<&str> = {
-        let mut beside = Vec::new();
-        for layer in chart.layers.iter().filter(|layer| layer.marks.is_side_by_side()) {
-            if !beside.contains(&layer.name.as_str()) {
-                beside.push(&layer.name);
+    let mut beside: Vec<&str> = Vec::new();
+    for layer in chart.layers.iter().filter(|layer| layer.marks.is_side_by_side()) {
+        if !beside.contains(&layer.name.as_str()) {
+            beside.push(&layer.name);
+        }
+    }
+    for layer in &chart.layers {
+        draw_layer(layer, pen, plane, series(names, &layer.name), &beside)?;
+    }
+    Ok(())
+}
+
+/// Draws the layer of a series of this `number`, of those that stand `beside` each other.
+fn draw_layer(
+    layer: &Layer,
+    pen: &Pen<'_>,
+    plane: &Plane,
+    number: Option<usize>,
+    beside: &[&str],
+) -> Result<(), PlotError> {
+    let ink = colour::of_series(number);
+    // The middle and the width of the mark of a name, where several series stand side by side.
+    let slot = |place: usize| {
+        let share = 0.8 / beside.len().max(1) as f64;
+        let nth = beside.iter().position(|name| *name == layer.name).unwrap_or(0);
+        let middle = place as f64 - 0.4 + (nth as f64 + 0.5) * share;
+        let (from, to) = (
+            plane.across(middle - 0.45 * share)?,
+            plane.across(middle + 0.45 * share)?,
+        );
+        Some((from, plane.across(middle)?, to))
+    };
+    match &layer.marks {
+        Marks::Line(points) | Marks::Steps(points) => {
+            for mut part in parts(points, |(x, y)| plane.at(*x, *y)) {
+                if matches!(layer.marks, Marks::Steps(_)) {
+                    part = stairs(&part);
+                }
+                match thinned(&part).as_slice() {
+                    [alone] => pen.marker(*alone, number)?,
+                    line => pen.line(line, ink, 1.75)?,
+                }
             }
         }
-        beside
-    };
-    for layer in &chart.layers {
-        let number = series(names, &layer.name);
-        let ink = colour::of_series(number);
-        // The middle and the width of the mark of a name, where several series stand side by side.
-        let slot = |place: usize| {
-            let share = 0.8 / beside.len().max(1) as f64;
-            let nth = beside.iter().position(|name| *name == layer.name).unwrap_or(0);
-            let middle = place as f64 - 0.4 + (nth as f64 + 0.5) * share;
-            let (from, to) = (
-                plane.across(middle - 0.45 * share)?,
-                plane.across(middle + 0.45 * share)?,
-            );
-            Some((from, plane.across(middle)?, to))
-        };
-        match &layer.marks {
-            Marks::Line(points) | Marks::Steps(points) => {
-                for mut part in parts(points, |(x, y)| plane.at(*x, *y)) {
-                    if matches!(layer.marks, Marks::Steps(_)) {
-                        part = stairs(&part);
-                    }
-                    match thinned(&part).as_slice() {
-                        [alone] => pen.marker(*alone, number)?,
-                        line => pen.line(line, ink, 1.75)?,
-                    }
+        Marks::Band(band) => {
+            let both = |(x, low, high): &(f64, f64, f64)| Some((plane.at(*x, *low)?, plane.at(*x, *high)?));
+            for part in parts(band, both) {
+                let (low, high): (Vec<_>, Vec<_>) = part.into_iter().unzip();
+                let mut outline = thinned(&high);
+                outline.extend(thinned(&low).into_iter().rev());
+                pen.shape(&outline, ink, 0.22)?;
+            }
+        }
+        Marks::Points(points) => {
+            for place in points.iter().filter_map(|(x, y)| plane.at(*x, *y)) {
+                pen.marker(place, number)?;
+            }
+        }
+        Marks::Ellipse(points) => {
+            let outline = ellipse(points);
+            let mut outline: Vec<_> = outline.iter().filter_map(|(x, y)| plane.at(*x, *y)).collect();
+            if let Some(first) = outline.first().copied() {
+                pen.shape(&outline, ink, 0.12)?;
+                outline.push(first);
+                pen.line(&outline, ink, 1.0)?;
+            }
+        }
+        Marks::Bars(bars) => {
+            let floor = plane.up(0.0).unwrap_or(plane.to.1);
+            for (place, (height, low, high)) in bars.iter().enumerate() {
+                let (Some((from, middle, to)), Some(y)) = (slot(place), plane.up(*height)) else {
+                    continue;
+                };
+                pen.rect((from, y.min(floor)), (to, y.max(floor)), ink)?;
+                if let (Some(low), Some(high)) = (plane.up(*low), plane.up(*high)) {
+                    pen.line(&[(middle, low), (middle, high)], colour::INK, 1.25)?;
                 }
             }
-            Marks::Band(band) => {
-                let both =
-                    |(x, low, high): &(f64, f64, f64)| Some((plane.at(*x, *low)?, plane.at(*x, *high)?));
-                for part in parts(band, both) {
-                    let (low, high): (Vec<_>, Vec<_>) = part.into_iter().unzip();
-                    let mut outline = thinned(&high);
-                    outline.extend(thinned(&low).into_iter().rev());
-                    pen.shape(&outline, ink, 0.22)?;
+        }
+        Marks::Boxes(boxes) => {
+            for (place, samples) in boxes.iter().enumerate() {
+                if let Some(slot) = slot(place) {
+                    draw_box(pen, plane, samples, slot, number)?;
                 }
             }
-            Marks::Points(points) => {
-                for place in points.iter().filter_map(|(x, y)| plane.at(*x, *y)) {
-                    pen.marker(place, number)?;
-                }
-            }
-            Marks::Ellipse(points) => {
-                let outline = ellipse(points);
-                let mut outline: Vec<_> = outline.iter().filter_map(|(x, y)| plane.at(*x, *y)).collect();
-                if let Some(first) = outline.first().copied() {
-                    pen.shape(&outline, ink, 0.12)?;
-                    outline.push(first);
-                    pen.line(&outline, ink, 1.0)?;
-                }
-            }
-            Marks::Bars(bars) => {
-                let floor = plane.up(0.0).unwrap_or(plane.to.1);
-                for (place, (height, low, high)) in bars.iter().enumerate() {
-                    let (Some((from, middle, to)), Some(y)) = (slot(place), plane.up(*height)) else {
-                        continue;
-                    };
-                    pen.rect((from, y.min(floor)), (to, y.max(floor)), ink)?;
-                    if let (Some(low), Some(high)) = (plane.up(*low), plane.up(*high)) {
-                        pen.line(&[(middle, low), (middle, high)], colour::INK, 1.25)?;
-                    }
-                }
-            }
-            Marks::Boxes(boxes) => {
-                for (place, samples) in boxes.iter().enumerate() {
-                    if let Some(slot) = slot(place) {
-                        draw_box(pen, plane, samples, slot, number)?;
-                    }
-                }
-            }
-            Marks::AtY(y) => {
-                if let Some(y) = plane.up(*y) {
-                    pen.line(&[(plane.from.0, y), (plane.to.0, y)], colour::PALE, 1.0)?;
-                    let above = if y - 14.0 < plane.from.1 { -7.0 } else { 7.0 };
-                    let place = (plane.to.0 - 4.0, y - above);
-                    pen.text(&layer.name, place, Side::Left, 10.0, colour::PALE)?;
-                }
+        }
+        Marks::AtY(y) => {
+            if let Some(y) = plane.up(*y) {
+                pen.line(&[(plane.from.0, y), (plane.to.0, y)], colour::PALE, 1.0)?;
+                let above = if y - 14.0 < plane.from.1 { -7.0 } else { 7.0 };
+                let place = (plane.to.0 - 4.0, y - above);
+                pen.text(&layer.name, place, Side::Left, 10.0, colour::PALE)?;
             }
         }
     }
