@@ -337,13 +337,10 @@ fn human(report: &Report) -> String {
         true => "  running".into(),
         false => row.name.clone(),
     };
-    let line = |name: &str, cells: &[String]| table::line(name, NAME, cells, CELL);
     let head = [
         "nearest", "logistic", "moved", "logistic", "bits", "levels", "bits", "us",
     ];
     text += &line("", &head.map(String::from));
-    let percent = |share: f64| format!("{:.1} %", 100.0 * share);
-    let or = |value: Option<String>| value.unwrap_or_else(|| "-".into());
     for row in rows {
         text += &line(
             &label(row),
@@ -353,37 +350,16 @@ fn human(report: &Report) -> String {
                 percent(row.moved_nearest),
                 percent(row.moved_logistic),
                 format!("{:.0}", row.bits),
-                or(row.level_nearest.map(percent)),
-                or(row.level_bits.map(|bits| format!("{bits:.0}"))),
-                or(row.compress_us_p50.map(|us| format!("{us:.1}"))),
+                or_dash(row.level_nearest.map(percent)),
+                or_dash(row.level_bits.map(|bits| format!("{bits:.0}"))),
+                or_dash(row.compress_us_p50.map(|us| format!("{us:.1}"))),
             ],
         );
     }
     text.push('\n');
     let (by_actuators, by_levels) = curves.split_at(*by_actuators);
-    for (what, varied, size_of) in [
-        (
-            "K_A",
-            by_actuators,
-            (|point| point.actuators) as fn(&TaskPoint) -> u16,
-        ),
-        ("K_D", by_levels, |point| point.levels),
-    ] {
-        text += &line(
-            &format!("nearest, and bits, by {what}"),
-            &SIZES.map(|size| size.to_string()),
-        );
-        for name in names(varied) {
-            let of_size = |size| (varied.iter()).find(|point| point.name == name && size_of(point) == size);
-            let points = SIZES.map(of_size);
-            text += &line(name, &points.map(|point| or(point.map(|p| percent(p.nearest)))));
-            text += &line(
-                "",
-                &points.map(|point| or(point.map(|p| format!("{:.0}", p.bits)))),
-            );
-        }
-        text.push('\n');
-    }
+    text += &curve_table("K_A", by_actuators, |point| point.actuators);
+    text += &curve_table("K_D", by_levels, |point| point.levels);
     let examples = match least == most {
         true => least.to_string(),
         false => format!("{least} to {most}"),
@@ -395,6 +371,39 @@ fn human(report: &Report) -> String {
          A compressor starts anew with each frame; running: one sees all of them in a shuffled order and an empty \
          frame between, ten orders. Without that row it shows the same. The curves are of fresh starts."
     ))
+}
+
+/// Curves by levels or actuators, two lines each.
+fn curve_table(what: &str, varied: &[TaskPoint], size_of: fn(&TaskPoint) -> u16) -> String {
+    let mut text = line(
+        &format!("nearest, and bits, by {what}"),
+        &SIZES.map(|size| size.to_string()),
+    );
+    for name in names(varied) {
+        let of_size = |size| (varied.iter()).find(|point| point.name == name && size_of(point) == size);
+        let points = SIZES.map(of_size);
+        text += &line(
+            name,
+            &points.map(|point| or_dash(point.map(|p| percent(p.nearest)))),
+        );
+        text += &line(
+            "",
+            &points.map(|point| or_dash(point.map(|p| format!("{:.0}", p.bits)))),
+        );
+    }
+    text + "\n"
+}
+
+fn line(name: &str, cells: &[String]) -> String {
+    table::line(name, NAME, cells, CELL)
+}
+
+fn percent(share: f64) -> String {
+    format!("{:.1} %", 100.0 * share)
+}
+
+fn or_dash(value: Option<String>) -> String {
+    value.unwrap_or_else(|| "-".into())
 }
 
 /// The names of curves in the order in which they begin.
