@@ -5,7 +5,7 @@ use super::judge::{Judgement, chosen, judge_all, train};
 use super::more::More;
 use super::network_args::NetworkArgs;
 use super::report;
-use super::with_touch::{FUSED_UNSEEN, WithTouch};
+use super::with_touch::WithTouch;
 use crate::wrong_use;
 #[cfg(feature = "networks")]
 use anyhow::Context;
@@ -152,40 +152,11 @@ pub(super) fn run(args: &Args) -> anyhow::Result<String> {
     let mut text = report::procedure(&session, &splits, &trained.estimators);
     text += &report::errors("kinesthetic", &session, &outcome, train_s);
     text += &report::places(&outcome);
-    let unseen = touch.iter().map(|touch| (FUSED_UNSEEN, &touch.fused_unseen));
-    for (name, (judgement, train_s)) in touch.iter().flat_map(WithTouch::parts).chain(unseen) {
-        match judgement {
-            Ok(outcome) => {
-                text += &report::errors(name, &session, outcome, *train_s);
-                if name == "fused" {
-                    text += report::FUSED;
-                }
-                text += &report::places(outcome);
-            }
-            Err(none) => text += &format!("\n{name}: refused: all, because {none}\n"),
-        }
+    if let Some(touch) = &touch {
+        text += &report::with_touch(&session, touch);
     }
     if let Some(more) = &more {
-        text += &report::table(
-            "disturbed, from angles: each squeeze drawn anew in each repetition, without being told",
-            more.disturbed.iter().map(|(name, outcome)| (name, outcome)),
-        );
-        let name = |share: f64| format!("after {:.0} % of its time", 100.0 * share);
-        if let Some(touch) = &touch {
-            text += &report::table(
-                "an array of another gain (without an angle: without touch)",
-                touch.gains.iter().map(|(name, outcome)| (name, outcome)),
-            );
-        }
-        text += &report::table(
-            "before the squeeze is over, from angles",
-            more.early.iter().map(|(share, outcome)| (name(*share), outcome)),
-        );
-        text += &report::places_left_out(&session, &more.places_left_out);
-        text += &report::table(
-            "other procedures",
-            more.procedures.iter().map(|(name, outcome)| (name, outcome)),
-        );
+        text += &report::more(&session, more, touch.as_ref());
     }
     Ok(text)
 }

@@ -1,6 +1,8 @@
 //! What `taxel forearm eval` says to people.
 
 use super::judge::{Judgement, Outcome, chosen, closed_at_peak};
+use super::more::More;
+use super::with_touch::{FUSED_UNSEEN, WithTouch};
 use std::fmt::Write as _;
 use taxel_forearm::{Kinesthetic, Session, Split};
 
@@ -12,7 +14,7 @@ const PUBLISHED: [(&str, f64, f64, f64); 3] = [
 ];
 
 /// What the protocol's figures of both senses are, and are not.
-pub(super) const FUSED: &str = "\
+const FUSED: &str = "\
     As the publication has it, its two estimators were trained on nine tenths of the squeezes at every second place, and are\n\
     judged here on these too. Compare the single estimators with the table below instead.\n";
 
@@ -128,7 +130,51 @@ pub(super) fn places(outcome: &Outcome) -> String {
     text
 }
 
-pub(super) fn table<'a, S: std::fmt::Display>(
+/// What is printed of the estimators that need touch.
+pub(super) fn with_touch(session: &Session, touch: &WithTouch) -> String {
+    let mut text = String::new();
+    for (name, (judgement, train_s)) in
+        (touch.parts().into_iter()).chain([(FUSED_UNSEEN, &touch.fused_unseen)])
+    {
+        match judgement {
+            Ok(outcome) => {
+                text += &errors(name, session, outcome, *train_s);
+                if name == "fused" {
+                    text += FUSED;
+                }
+                text += &places(outcome);
+            }
+            Err(none) => text += &format!("\n{name}: refused: all, because {none}\n"),
+        }
+    }
+    text
+}
+
+/// What is printed of what is judged beside the protocol.
+pub(super) fn more(session: &Session, more: &More, touch: Option<&WithTouch>) -> String {
+    let mut text = table(
+        "disturbed, from angles: each squeeze drawn anew in each repetition, without being told",
+        more.disturbed.iter().map(|(name, outcome)| (name, outcome)),
+    );
+    if let Some(touch) = touch {
+        text += &table(
+            "an array of another gain (without an angle: without touch)",
+            touch.gains.iter().map(|(name, outcome)| (name, outcome)),
+        );
+    }
+    let name = |share: f64| format!("after {:.0} % of its time", 100.0 * share);
+    text += &table(
+        "before the squeeze is over, from angles",
+        more.early.iter().map(|(share, outcome)| (name(*share), outcome)),
+    );
+    text += &places_left_out(session, &more.places_left_out);
+    text + &table(
+        "other procedures",
+        more.procedures.iter().map(|(name, outcome)| (name, outcome)),
+    )
+}
+
+fn table<'a, S: std::fmt::Display>(
     title: &str,
     rows: impl IntoIterator<Item = (S, &'a Judgement)>,
 ) -> String {
@@ -165,7 +211,7 @@ pub(super) fn table<'a, S: std::fmt::Display>(
 }
 
 /// Why the floor is where it is: places that their neighbours tell nothing of.
-pub(super) fn places_left_out(session: &Session, judgement: &Judgement) -> String {
+fn places_left_out(session: &Session, judgement: &Judgement) -> String {
     let errors = match judgement {
         Ok(outcome) => &outcome.errors,
         Err(none) => return format!("\ntrained on all other places: refused: all, because {none}\n"),
