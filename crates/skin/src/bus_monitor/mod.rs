@@ -22,7 +22,7 @@ use crate::protocol::mtb::{BoardKind, answer_id, answering};
 use crate::reading::TaxelReading;
 use alternation::Alternation;
 use bus::{Bus, STRANGER_NS, WINDOW_NS, figures, per_second};
-use stray::{Held, NOBODY, Pair, Stray, ids_of, pairs, strays};
+use stray::{ANSWER_WINDOWS, Held, NOBODY, Pair, Stray, answers_questions, ids_of, pairs, strays};
 use swinging::{Swinging, Swung};
 use tally::FOREIGN_HUBS;
 use taxel_can::Received;
@@ -39,10 +39,6 @@ const BABBLE_LEAST_HZ: f64 = 300.0;
 const BOARD_TIMES: f64 = 3.0;
 /// Two boards with one address send twice as much as one, less what they lose to each other.
 const TWO_BOARDS_TIMES: f64 = 1.4;
-
-/// An iCub board that answers on the wrong bus is taken to be there for this many windows more. It
-/// is asked every 300 ms, and not for 0.9 s while it is configured blindly on its own bus.
-const ANSWER_WINDOWS: u8 = 5;
 
 /// Watches the traffic of all buses of a hand. Its memory is allocated once; a frame and a reading
 /// take constant time.
@@ -275,6 +271,7 @@ impl BusMonitor {
             }
         }
         self.find_strays();
+        self.find_foreign_hubs();
         self.find_strangers();
         for bus in &mut self.buses {
             bus.tally.clear();
@@ -398,51 +395,13 @@ impl BusMonitor {
     /// Boards that speak where the layout has none of their address.
     fn find_strays(&mut self) {
         for stray in &mut self.strays {
-            let tally = &self.buses[usize::from(stray.bus)].tally;
-            // A hub has no standard ids.
-            let speaks = if stray.ids.is_empty() {
-                tally.hub(stray.address).packets > 0
-            } else {
-                let spoken = |id: &&u16| tally.ids[usize::from(**id)].frames > 0;
-                2 * stray.ids.iter().filter(spoken).count() >= stray.ids.len()
-            };
+            let bus = &self.buses[usize::from(stray.bus)];
             let elsewhere = stray
                 .module
                 .filter(|m| self.modules[usize::from(*m)].readings == 0);
-            if stray.module.is_some() && answers_questions(stray.protocol) {
-                let answer = self.buses[usize::from(stray.bus)].answers[stray.address as usize & 15];
-                stray.answered = if elsewhere.is_none() {
-                    0
-                } else if answer.is_some_and(|kind| stray.protocol.is_spoken_by(kind)) {
-                    ANSWER_WINDOWS
-                } else {
-                    stray.answered.saturating_sub(1)
-                };
-            }
-            let before = stray.there.is;
-            if speaks || stray.answered > 0 {
-                stray.there.update(Some(elsewhere));
-            } else {
-                // One window without most of a board's ids is proof enough that it is gone.
-                stray.there = Held::default();
-            }
-            // In the window in which boards change their bus, some speak on both and some not yet on the other.
-            stray.is_settled = [before, Some(elsewhere)] == [stray.there.is; 2];
+            stray.end_window(&bus.tally, &bus.answers, elsewhere);
         }
-        for pair in &self.pairs {
-            let strays = pair.strays.iter().map(|i| &self.strays[*i]);
-            let mut displaced = strays.map(|stray| stray.there.is.flatten());
-            let Some(module) = displaced.clone().next().flatten() else {
-                continue;
-            };
-            if displaced.all(|module| module.is_some()) {
-                self.findings.push(Finding::BusesSwapped {
-                    buses: pair.buses,
-                    module,
-                    boards: pair.strays.len() as u16,
-                });
-            }
-        }
+        self.find_swapped_buses();
         for stray in self.strays.iter().filter(|stray| stray.is_settled) {
             let Some(module) = stray.there.is else { continue };
             let swapped = module.is_some_and(|m| {
@@ -464,6 +423,27 @@ impl BusMonitor {
                 }),
             }
         }
+    }
+
+    fn find_swapped_buses(&mut self) {
+        for pair in &self.pairs {
+            let strays = pair.strays.iter().map(|i| &self.strays[*i]);
+            let mut displaced = strays.map(|stray| stray.there.is.flatten());
+            let Some(module) = displaced.clone().next().flatten() else {
+                continue;
+            };
+            if displaced.all(|module| module.is_some()) {
+                self.findings.push(Finding::BusesSwapped {
+                    buses: pair.buses,
+                    module,
+                    boards: pair.strays.len() as u16,
+                });
+            }
+        }
+    }
+
+    /// Hubs that the layout does not have, and modules that it does not have on a hub.
+    fn find_foreign_hubs(&mut self) {
         for (index, bus) in (0u8..).zip(&mut self.buses) {
             bus.find_foreign_hubs();
             let speaking = bus.foreign_hubs.iter().filter(|hub| hub.speaks.is.is_some());
@@ -475,11 +455,6 @@ impl BusMonitor {
             self.findings.extend(bus.hub_modules.end_window());
         }
     }
-}
-
-/// Whether boards of a protocol say whether they are there while they send: such an answer is no stranger's.
-fn answers_questions(protocol: Protocol) -> bool {
-    protocol.mtb().is_some_and(|mtb| mtb.configured)
 }
 
 fn median(room: &mut Vec<f64>, values: impl Iterator<Item = f64>) -> Option<f64> {

@@ -1,12 +1,18 @@
 //! Addresses that the layout does not have on a bus: where boards on the wrong bus, or with a wrong
 //! address, would be.
 
+use super::tally::Tally;
 use crate::layout::{Layout, Wiring};
 use crate::protocol::Protocol;
 use crate::protocol::cyskin::setup::CyskinHub;
+use crate::protocol::mtb::BoardKind;
 
 /// In place of the module of an id: there is none.
 pub(super) const NOBODY: u16 = u16::MAX;
+
+/// An iCub board that answers on the wrong bus is taken to be there for this many windows more. It
+/// is asked every 300 ms, and not for 0.9 s while it is configured blindly on its own bus.
+pub(super) const ANSWER_WINDOWS: u8 = 5;
 
 /// A condition that has to hold, or not to hold, twice in a row.
 #[derive(Debug, Clone, Copy)]
@@ -48,6 +54,49 @@ pub(super) struct Stray {
     pub(super) is_settled: bool,
     /// It answered a question within this many windows to come.
     pub(super) answered: u8,
+}
+
+impl Stray {
+    /// Judges a window by what its bus carried and what each address there answered to be. Nothing came of its module
+    /// `elsewhere`.
+    pub(super) fn end_window(
+        &mut self,
+        tally: &Tally,
+        answers: &[Option<BoardKind>; 16],
+        elsewhere: Option<u16>,
+    ) {
+        // A hub has no standard ids.
+        let speaks = if self.ids.is_empty() {
+            tally.hub(self.address).packets > 0
+        } else {
+            let spoken = |id: &&u16| tally.ids[usize::from(**id)].frames > 0;
+            2 * self.ids.iter().filter(spoken).count() >= self.ids.len()
+        };
+        if self.module.is_some() && answers_questions(self.protocol) {
+            let answer = answers[self.address as usize & 15];
+            self.answered = if elsewhere.is_none() {
+                0
+            } else if answer.is_some_and(|kind| self.protocol.is_spoken_by(kind)) {
+                ANSWER_WINDOWS
+            } else {
+                self.answered.saturating_sub(1)
+            };
+        }
+        let before = self.there.is;
+        if speaks || self.answered > 0 {
+            self.there.update(Some(elsewhere));
+        } else {
+            // One window without most of a board's ids is proof enough that it is gone.
+            self.there = Held::default();
+        }
+        // In the window in which boards change their bus, some speak on both and some not yet on the other.
+        self.is_settled = [before, Some(elsewhere)] == [self.there.is; 2];
+    }
+}
+
+/// Whether boards of a protocol say whether they are there while they send: such an answer is no stranger's.
+pub(super) fn answers_questions(protocol: Protocol) -> bool {
+    protocol.mtb().is_some_and(|mtb| mtb.configured)
 }
 
 /// Two buses that could be swapped, and the strays on either that are boards of the other.
