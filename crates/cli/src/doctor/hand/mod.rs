@@ -175,8 +175,21 @@ pub(super) fn marks(facts: &HandFacts) -> Vec<Option<char>> {
 }
 
 fn check_traffic(index: u8, bus: &BusFacts, facts: &HandFacts) -> Vec<Check> {
-    let mut checks = Vec::new();
-    let seconds = facts.seconds.max(1e-3);
+    let mut checks = vec![check_load(bus, facts.seconds)];
+    checks.extend(check_errors(index, bus, facts));
+    if bus.counters.lost_in_kernel > 0 && !facts.has(index, &[Kind::FramesLost]) {
+        let found = format!("{} frames lost in the kernel", bus.counters.lost_in_kernel);
+        checks.push(
+            Check::warning(AREA, "lost frames", &bus.name, found)
+                .wanted("none")
+                .advise("net.core.rmem_max (see machine), or a machine that is too busy"),
+        );
+    }
+    checks
+}
+
+fn check_load(bus: &BusFacts, seconds: f64) -> Check {
+    let seconds = seconds.max(1e-3);
     let [low, high] = bus
         .bits
         .map(|bits| 100.0 * bits as f64 / seconds / bus.bitrate as f64);
@@ -185,7 +198,7 @@ fn check_traffic(index: u8, bus: &BusFacts, facts: &HandFacts) -> Vec<Check> {
         bus.frames as f64 / seconds,
         bus.bitrate as f64 / 1e6
     );
-    checks.push(if bus.frames == 0 {
+    if bus.frames == 0 {
         // That its boards are silent was told above.
         Check::skipped(
             AREA,
@@ -200,7 +213,10 @@ fn check_traffic(index: u8, bus: &BusFacts, facts: &HandFacts) -> Vec<Check> {
             .advise("fewer boards on this bus, or a lower rate: [boards] mode = \"triggered\"")
     } else {
         Check::ok(AREA, "traffic", &bus.name, found)
-    });
+    }
+}
+
+fn check_errors(index: u8, bus: &BusFacts, facts: &HandFacts) -> Option<Check> {
     let errors = &bus.counters.errors;
     let told_as = [
         Kind::BusOff,
@@ -211,48 +227,42 @@ fn check_traffic(index: u8, bus: &BusFacts, facts: &HandFacts) -> Vec<Check> {
         Kind::NoAcknowledge,
         Kind::ControllerOverflow,
     ];
-    if errors.frames > 0 && !facts.has(index, &told_as) {
-        let causes: Vec<String> = [
-            ("bus-off", errors.bus_off),
-            ("protocol violations", errors.protocol),
-            ("not acknowledged", errors.no_acknowledge),
-            ("bus errors", errors.bus_error),
-            ("controller queue overflows", errors.controller_overflow),
-            ("controller", errors.controller),
-            ("transceiver", errors.transceiver),
-            ("lost arbitration", errors.lost_arbitration),
-            ("transmit timeouts", errors.tx_timeout),
-        ]
-        .into_iter()
-        .filter(|(_, n)| *n > 0)
-        .map(|(what, n)| format!("{what} {n}"))
-        .collect();
-        let found = format!(
-            "{} error frames ({}), now {}",
-            errors.frames,
-            causes.join(", "),
-            bus.counters.bus_state
-        );
-        let harmless = errors.frames == errors.lost_arbitration;
-        checks.push(match (harmless, errors.bus_off) {
-            (true, _) => Check::ok(AREA, "error frames", &bus.name, found),
-            (false, 0) => Check::warning(AREA, "error frames", &bus.name, found)
-                .wanted("none")
-                .advise("wiring, termination, ground, or a node at another bit rate"),
-            _ => Check::error(AREA, "error frames", &bus.name, found)
-                .wanted("none")
-                .advise("wiring, termination, ground, or a node at another bit rate"),
-        });
+    if errors.frames == 0 || facts.has(index, &told_as) {
+        return None;
     }
-    if bus.counters.lost_in_kernel > 0 && !facts.has(index, &[Kind::FramesLost]) {
-        let found = format!("{} frames lost in the kernel", bus.counters.lost_in_kernel);
-        checks.push(
-            Check::warning(AREA, "lost frames", &bus.name, found)
-                .wanted("none")
-                .advise("net.core.rmem_max (see machine), or a machine that is too busy"),
-        );
+    let causes: Vec<String> = [
+        ("bus-off", errors.bus_off),
+        ("protocol violations", errors.protocol),
+        ("not acknowledged", errors.no_acknowledge),
+        ("bus errors", errors.bus_error),
+        ("controller queue overflows", errors.controller_overflow),
+        ("controller", errors.controller),
+        ("transceiver", errors.transceiver),
+        ("lost arbitration", errors.lost_arbitration),
+        ("transmit timeouts", errors.tx_timeout),
+    ]
+    .into_iter()
+    .filter(|(_, n)| *n > 0)
+    .map(|(what, n)| format!("{what} {n}"))
+    .collect();
+    let found = format!(
+        "{} error frames ({}), now {}",
+        errors.frames,
+        causes.join(", "),
+        bus.counters.bus_state
+    );
+    if errors.frames == errors.lost_arbitration {
+        return Some(Check::ok(AREA, "error frames", &bus.name, found));
     }
-    checks
+    let check = match errors.bus_off {
+        0 => Check::warning(AREA, "error frames", &bus.name, found),
+        _ => Check::error(AREA, "error frames", &bus.name, found),
+    };
+    Some(
+        check
+            .wanted("none")
+            .advise("wiring, termination, ground, or a node at another bit rate"),
+    )
 }
 
 #[cfg(test)]
