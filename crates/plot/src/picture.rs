@@ -8,6 +8,8 @@ use crate::pen::{Pen, Place, Side, text_width};
 const LEAST_CELL: f64 = 3.0;
 /// Cells of a strip are stretched until it is so thick, pixels.
 const LEAST_STRIP: f64 = 20.0;
+/// Left of the cells, pixels.
+const LEFT: f64 = 4.0;
 
 /// A picture of square cells, row by row from the top left; those of a strip of few rows or columns are stretched across
 /// it. A cell without a colour is sand-coloured and hatched.
@@ -17,7 +19,6 @@ pub struct Picture {
     pub(crate) width: usize,
     pub(crate) cells: Vec<Cell>,
     caption: String,
-    row_names: Vec<String>,
     column_names: Vec<String>,
     /// What dark blue and yellow mean, where cells are numbers.
     span: Option<(f64, f64)>,
@@ -35,8 +36,6 @@ pub(crate) enum Cell {
 
 /// Where the parts of a picture are in its panel, pixels.
 struct Parts {
-    /// Left of the cells, for the names of rows.
-    left: f64,
     /// Above the cells, for the title.
     top: f64,
     /// Width and height of a cell.
@@ -60,7 +59,6 @@ impl Picture {
             width,
             cells,
             caption: String::new(),
-            row_names: Vec::new(),
             column_names: Vec::new(),
             span: None,
             numbers: Vec::new(),
@@ -129,12 +127,6 @@ impl Picture {
         self
     }
 
-    /// Names beside the rows.
-    pub fn row_names<S: Into<String>>(mut self, names: impl IntoIterator<Item = S>) -> Self {
-        self.row_names = names.into_iter().map(Into::into).collect();
-        self
-    }
-
     /// Names beneath the columns.
     pub fn column_names<S: Into<String>>(mut self, names: impl IntoIterator<Item = S>) -> Self {
         self.column_names = names.into_iter().map(Into::into).collect();
@@ -172,13 +164,9 @@ impl Picture {
         self.cells.len() / self.width
     }
 
-    /// What is beside the cells, left and right.
-    fn beside(&self) -> (f64, f64) {
-        let left = match names_width(&self.row_names) {
-            _ if self.row_names.is_empty() => 4.0,
-            width => width + 12.0,
-        };
-        (left, if self.span.is_some() { 62.0 } else { 4.0 })
+    /// What is right of the cells.
+    fn right(&self) -> f64 {
+        if self.span.is_some() { 62.0 } else { LEFT }
     }
 
     /// What is above the cells, and beneath them where names of columns do not read upwards.
@@ -192,10 +180,10 @@ impl Picture {
     /// The panel that has room for it: this one, or a larger one where cells would be hard to see, but no wider or higher
     /// than `most`.
     pub(crate) fn panel(&self, (width, height): (f64, f64), most: f64) -> (f64, f64) {
-        let ((left, right), (top, beneath)) = (self.beside(), self.above_and_beneath());
+        let (right, (top, beneath)) = (self.right(), self.above_and_beneath());
         let enlarged = |side: f64, least: f64| side.max(least.min(most));
         (
-            enlarged(width, left + right + LEAST_CELL * self.width as f64),
+            enlarged(width, LEFT + right + LEAST_CELL * self.width as f64),
             enlarged(height, top + beneath + LEAST_CELL * self.rows() as f64),
         )
     }
@@ -206,9 +194,9 @@ impl Picture {
     }
 
     fn parts(&self, (panel_width, panel_height): (f64, f64)) -> Parts {
-        let ((left, right), (top, flat)) = (self.beside(), self.above_and_beneath());
+        let (right, (top, flat)) = (self.right(), self.above_and_beneath());
         let (columns, rows) = (self.width as f64, self.rows() as f64);
-        let (width, height) = (panel_width - left - right, panel_height - top);
+        let (width, height) = (panel_width - LEFT - right, panel_height - top);
         let names = names_width(&self.column_names);
         let cell_for = |beneath: f64| (width / columns).min((height - beneath) / rows).max(0.25);
         let upright = !self.column_names.is_empty() && names >= cell_for(flat) - 2.0;
@@ -226,7 +214,6 @@ impl Picture {
         };
         let caption = if self.caption.is_empty() { 4.0 } else { 20.0 };
         Parts {
-            left,
             top,
             cell: (cell[0], cell[1]),
             size,
@@ -241,7 +228,7 @@ impl Picture {
     pub(crate) fn draw(&self, pen: &Pen<'_>, (x0, y0): Place, (x1, y1): Place) -> Result<(), PlotError> {
         let parts = self.parts((x1 - x0, y1 - y0));
         let (cell, (w, h), upright) = (parts.cell, parts.size, parts.upright);
-        let ox = x0 + parts.left + ((parts.width - w) / 2.0).max(0.0);
+        let ox = x0 + LEFT + ((parts.width - w) / 2.0).max(0.0);
         let oy = y0 + parts.top;
         // A text around a place stays within the panel on both sides.
         let room = |middle: f64| 2.0 * (middle - x0).min(x1 - middle);
@@ -251,10 +238,6 @@ impl Picture {
         }
         self.draw_cells(pen, (ox, oy), cell)?;
         pen.frame((ox, oy), (ox + w, oy + h), colour::PALE)?;
-        for (row, name) in self.row_names.iter().take(self.rows()).enumerate() {
-            let y = oy + (row as f64 + 0.5) * cell.1;
-            pen.text(name, (ox - 6.0, y), Side::Left, 11.0, colour::INK)?;
-        }
         for (column, name) in self.column_names.iter().take(self.width).enumerate() {
             let x = ox + (column as f64 + 0.5) * cell.0;
             if upright {
