@@ -148,11 +148,6 @@ impl Simulator {
         self.skin.truth_of(taxel, t_ns)
     }
 
-    /// Whether the scene falsifies this taxel's values at `t_ns`; faults of boards and buses do not count.
-    pub fn is_faulty(&self, taxel: u16, t_ns: u64) -> bool {
-        (taxel as usize) < self.skin.taxels() && self.skin.is_faulty(taxel, t_ns)
-    }
-
     /// Boards, and how they fare.
     pub fn board_counts(&self) -> BoardCounts {
         let boards = || self.buses.iter().flat_map(|b| b.boards());

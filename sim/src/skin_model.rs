@@ -285,17 +285,6 @@ impl SkinModel {
         contacts
     }
 
-    /// Whether a fault of the scene touches this taxel's values at this time.
-    pub(crate) fn is_faulty(&self, taxel: u16, t_ns: u64) -> bool {
-        let scene_ns = self.clock.scene_ns(t_ns);
-        let model = &self.taxels[taxel as usize];
-        model.faults.iter().any(|(span, _)| span.contains(scene_ns))
-    }
-
-    pub(crate) fn taxels(&self) -> usize {
-        self.taxels.len()
-    }
-
     fn displacement(&self, taxel: u16, scene_ns: u64) -> [f64; 3] {
         let model = &self.taxels[usize::from(taxel)];
         // What a phantom does to its probe is in the counts of that.
