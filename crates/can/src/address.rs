@@ -6,11 +6,11 @@ use std::path::PathBuf;
 use std::str::FromStr;
 
 /// The IPv4 group that python-can's `udp_multicast` interface calls its default for IPv4.
-pub const DEFAULT_UDP_GROUP: Ipv4Addr = Ipv4Addr::new(239, 74, 163, 2);
+pub(crate) const DEFAULT_UDP_GROUP: Ipv4Addr = Ipv4Addr::new(239, 74, 163, 2);
 /// The UDP port of python-can's `udp_multicast` interface.
-pub const DEFAULT_UDP_PORT: u16 = 43113;
+pub(crate) const DEFAULT_UDP_PORT: u16 = 43113;
 /// The hop limit (IPv4: TTL) of python-can's `udp_multicast` interface: the local network only.
-pub const DEFAULT_UDP_HOP_LIMIT: u8 = 1;
+pub(crate) const DEFAULT_UDP_HOP_LIMIT: u8 = 1;
 
 /// Where CAN frames come from, as text: `can:vcan0`, `udp:239.74.163.2:43113`, `log:FILE`, `sim:SCENE`; and the frames of
 /// a pressure array, `pressure:PATH`.

@@ -47,14 +47,14 @@ fn read(clock: ClockId) -> u64 {
 /// wall clock, however large, shifts no frame by more than the time between two readings of the
 /// socket, and times never run backwards.
 #[derive(Debug, Clone)]
-pub struct StampConverter {
+pub(crate) struct StampConverter {
     realtime_minus_monotonic_ns: i128,
     floor_ns: u64,
 }
 
 impl StampConverter {
     /// A converter for a queue that is empty at `monotonic_ns`, when the wall clock shows `realtime_ns`.
-    pub fn new(realtime_ns: u64, monotonic_ns: u64) -> Self {
+    pub(crate) fn new(realtime_ns: u64, monotonic_ns: u64) -> Self {
         Self {
             realtime_minus_monotonic_ns: i128::from(realtime_ns) - i128::from(monotonic_ns),
             floor_ns: monotonic_ns,
@@ -62,17 +62,17 @@ impl StampConverter {
     }
 
     /// Takes both clocks, read together, as the new offset between them.
-    pub fn set_offset(&mut self, realtime_ns: u64, monotonic_ns: u64) {
+    pub(crate) fn set_offset(&mut self, realtime_ns: u64, monotonic_ns: u64) {
         self.realtime_minus_monotonic_ns = i128::from(realtime_ns) - i128::from(monotonic_ns);
     }
 
     /// Says that the queue was empty at `monotonic_ns`: whatever it holds later arrived after that.
-    pub fn queue_was_empty(&mut self, monotonic_ns: u64) {
+    pub(crate) fn queue_was_empty(&mut self, monotonic_ns: u64) {
         self.floor_ns = self.floor_ns.max(monotonic_ns);
     }
 
     /// The receive time of the next frame of the queue, read at `now_ns`; without a stamp it is `now_ns`.
-    pub fn convert(&mut self, stamp_realtime_ns: Option<u64>, now_ns: u64) -> u64 {
+    pub(crate) fn convert(&mut self, stamp_realtime_ns: Option<u64>, now_ns: u64) -> u64 {
         let ceiling = now_ns.max(self.floor_ns);
         let t_ns = match stamp_realtime_ns {
             None => ceiling,

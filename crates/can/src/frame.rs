@@ -7,7 +7,7 @@ pub const EXTENDED_FLAG: u32 = 0x8000_0000;
 /// Bit of a raw identifier that marks a remote transmission request, as in `linux/can.h`.
 pub(crate) const REMOTE_FLAG: u32 = 0x4000_0000;
 /// Bit of a raw identifier that marks an error frame made by the local controller, as in `linux/can.h`.
-pub const ERROR_FLAG: u32 = 0x2000_0000;
+pub(crate) const ERROR_FLAG: u32 = 0x2000_0000;
 
 /// An identifier as candump writes it: 3 digits, or 8 where it has [`EXTENDED_FLAG`].
 pub fn id_text(id: u32) -> String {

@@ -23,13 +23,13 @@ mod socketcan;
 mod source;
 mod udp;
 
-pub use address::{AddressError, DEFAULT_UDP_GROUP, DEFAULT_UDP_HOP_LIMIT, DEFAULT_UDP_PORT, SourceAddress};
+pub use address::{AddressError, SourceAddress};
 pub use candump::{
     Direction, LineProblem, LogError, LogFrame, LogReader, LogWriter, MOST_INTERFACES, NumberedFrame,
 };
-pub use clock::{StampConverter, both_clocks_ns, monotonic_ns};
+pub use clock::{both_clocks_ns, monotonic_ns};
 pub use filter::IdFilter;
-pub use frame::{CanFrame, ERROR_FLAG, EXTENDED_FLAG, FrameError, id_text};
+pub use frame::{CanFrame, EXTENDED_FLAG, FrameError, id_text};
 pub use log::{LogSource, interfaces};
 pub use log_clock::{ClockJumps, LONGEST_PAUSE_NS, LogClock};
 pub use merge::FrameMerge;

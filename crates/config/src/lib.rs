@@ -12,7 +12,7 @@ mod unread_joints;
 
 pub use buses::told_apart;
 pub use place::line_of;
-pub use sockets::{ControlConfig, SocketConfig, default_directory, running_socket};
+pub use sockets::{ControlConfig, SocketConfig, running_socket};
 
 use serde::{Deserialize, Serialize};
 use std::path::Path;

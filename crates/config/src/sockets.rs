@@ -132,7 +132,7 @@ const SYSTEM_DIRECTORY: &str = "/run/taxeld";
 /// is this user's to write to, else `taxeld` in the user's own runtime directory, else `/tmp/taxeld-UID`.
 ///
 /// In a service it is the folder that systemd has made for it (`RuntimeDirectory=`).
-pub fn default_directory() -> PathBuf {
+fn default_directory() -> PathBuf {
     if let Some(own) = std::env::var_os("RUNTIME_DIRECTORY").filter(|own| !own.is_empty()) {
         // A service with several has them in one variable.
         return own.to_string_lossy().split(':').next().unwrap_or_default().into();

@@ -153,7 +153,7 @@ impl Engine {
 
     /// From the first tick on that feels what came at `t_ns` or later, the hand is felt as a recorded daemon's was after this
     /// change. It takes memory, and is for recordings.
-    pub fn handle_change(&mut self, t_ns: u64, change: Box<Change>) {
+    pub(crate) fn handle_change(&mut self, t_ns: u64, change: Box<Change>) {
         self.changes.push(t_ns, change);
     }
 

@@ -7,14 +7,10 @@
 /// which subtracts nothing and so loses nothing on large offsets; the result is good to a few units
 /// in the 14th place. Zero where there are no more distinct values than levels.
 ///
-/// ```
-/// assert_eq!(taxel_eval::least_level_error(&[10.0, 12.0, 100.0, 20.0, 22.0, 98.0], 3), 6.0);
-/// ```
-///
 /// # Panics
 ///
 /// If there are values but no clusters.
-pub fn least_level_error(values: &[f64], clusters: usize) -> f64 {
+pub(crate) fn least_level_error(values: &[f64], clusters: usize) -> f64 {
     let points = distinct(values);
     if points.len() <= clusters {
         return 0.0;

@@ -19,12 +19,7 @@ const ITERATIONS: u32 = 300;
 /// (the problem is NP-hard); a method can therefore be better than this. Random numbers are
 /// SplitMix64 from a constant seed: the same places in the same order give the same result. Zero
 /// where there are no more places than clusters.
-///
-/// ```
-/// let pairs = [[0.0, 0.0], [1.0, 0.0], [9.0, 9.0], [9.0, 8.0]];
-/// assert_eq!(taxel_eval::least_place_error(&pairs, 2, 64), 1.0);
-/// ```
-pub fn least_place_error(places: &[[f64; 2]], clusters: usize, restarts: u32) -> f64 {
+pub(crate) fn least_place_error(places: &[[f64; 2]], clusters: usize, restarts: u32) -> f64 {
     if places.len() <= clusters {
         return 0.0;
     }

@@ -24,8 +24,7 @@ mod synthetic;
 mod tally;
 mod task;
 
-pub use best_levels::least_level_error;
-pub use best_places::{RESTARTS, least_place_error};
+pub use best_places::RESTARTS;
 pub use contact_truth::{ContactTruth, contact_truth};
 pub use cost::{Allocations, Cost, Lap, Timings, time};
 pub use judge::{Errors, judge};

@@ -82,10 +82,9 @@ pub struct Reference {
     pub place: Vec<[f64; 2]>,
     /// Its force.
     pub force: Vec<f64>,
-    /// Least squared error of the force levels, [`least_level_error`].
+    /// Least squared error that the force levels can have.
     pub level_error: f64,
-    /// Least squared error known of the actuators' places, in the unit of the [`Plane`] squared,
-    /// [`least_place_error`].
+    /// Least squared error known of the actuators' places, in the unit of the [`Plane`] squared.
     pub place_error: f64,
 }
 

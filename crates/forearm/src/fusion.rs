@@ -69,7 +69,7 @@ impl Fusion {
     ///
     /// # Errors
     /// Angles of another gripper, whatever touch says; the first one's, where both are missing.
-    pub fn fuse(
+    pub(crate) fn fuse(
         &self,
         kinesthetic: Result<Estimate, ForearmError>,
         tactile: Result<Estimate, ForearmError>,

@@ -142,7 +142,7 @@ impl Squeeze {
     ///
     /// # Errors
     /// As [`Squeeze::check`]; times that are in another unit.
-    pub fn from_columns(columns: [Vec<f64>; COLUMNS]) -> Result<Self, ForearmError> {
+    pub(crate) fn from_columns(columns: [Vec<f64>; COLUMNS]) -> Result<Self, ForearmError> {
         let [time_ms, p0, p1, a0, a1, pwm, _, _, _, undocumented_deg] = columns;
         let squeeze = Self {
             time_ms,

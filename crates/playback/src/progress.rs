@@ -88,7 +88,7 @@ impl Progress {
     }
 
     /// What is left is told by how fast things are done from here on.
-    pub fn time_anew(&self) {
+    pub(crate) fn time_anew(&self) {
         self.bar.reset_eta();
     }
 

@@ -30,7 +30,7 @@ impl Allowance {
     }
 
     /// Takes one where it need not be waited for; says whether.
-    pub fn take_now(&mut self, now: Instant) -> bool {
+    pub(crate) fn take_now(&mut self, now: Instant) -> bool {
         let is_there = self.due.is_none_or(|due| due.duration_since(now) <= self.burst);
         if is_there {
             self.take(now);

@@ -45,7 +45,7 @@ pub use protocol::{Measures, Mtb, Protocol};
 
 // Decoding
 pub use decoder::{BusCounters, Decoded, Decoder};
-pub use reading::{MAX_READINGS, Readings, STATUS_ERROR, TaxelReading, status_is_error};
+pub use reading::{MAX_READINGS, Readings, STATUS_ERROR, TaxelReading};
 
 // Boards: starting them, who they are, how they fare
 pub use board_status::{BoardState, BoardStatus};

@@ -7,7 +7,7 @@ use std::ops::Deref;
 pub const STATUS_ERROR: u8 = 0x10;
 
 /// Whether a status byte says that the value beside it must not be used: error bit set, or no answer.
-pub const fn status_is_error(status: u8) -> bool {
+pub(crate) const fn status_is_error(status: u8) -> bool {
     status & STATUS_ERROR != 0
 }
 

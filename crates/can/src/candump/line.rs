@@ -1,7 +1,8 @@
 //! One line of a candump log.
 
 use super::{Direction, LineProblem};
-use crate::{CanFrame, ERROR_FLAG, EXTENDED_FLAG};
+use crate::frame::ERROR_FLAG;
+use crate::{CanFrame, EXTENDED_FLAG};
 
 /// One frame of a log, its interface still as it stands there.
 pub(super) struct Line<'a> {

@@ -1,7 +1,8 @@
 //! The datagrams of python-can's `udp_multicast` interface (4.6.1): one CAN frame, one msgpack map.
 
+use crate::frame::ERROR_FLAG;
 use crate::frame::REMOTE_FLAG;
-use crate::{CanFrame, ERROR_FLAG, EXTENDED_FLAG};
+use crate::{CanFrame, EXTENDED_FLAG};
 use rmp::Marker;
 use rmp::encode::{self, ValueWriteError};
 use std::io;

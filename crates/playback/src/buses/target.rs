@@ -221,7 +221,7 @@ impl Targets {
         })
     }
 
-    /// Opens one target for whatever has a name; see [`Targets::add_name`].
+    /// Opens one target for whatever has a name.
     pub fn open_one(address: &TargetAddress) -> anyhow::Result<Self> {
         Ok(Self {
             names: Vec::new(),
@@ -232,7 +232,7 @@ impl Targets {
 
     /// One more name, of the first target, unless it is known; its index is the number of those before it. Says that buses are
     /// joined where that is one.
-    pub fn add_name(&mut self, name: &str) {
+    pub(crate) fn add_name(&mut self, name: &str) {
         if self.names.iter().any(|known| known == name) {
             return;
         }
@@ -263,7 +263,7 @@ impl Targets {
     }
 
     /// Whether nothing but files is written.
-    pub fn are_log_files(&self) -> bool {
+    pub(crate) fn are_log_files(&self) -> bool {
         let mut addresses = self.targets.iter().map(|t| &t.address);
         addresses.all(|address| matches!(address, TargetAddress::Log(_)))
     }

@@ -125,7 +125,7 @@ impl BoardSupervisor {
     }
 
     /// Whether any command was handed out yet.
-    pub fn has_spoken(&self) -> bool {
+    pub(crate) fn has_spoken(&self) -> bool {
         self.spoken
     }
 

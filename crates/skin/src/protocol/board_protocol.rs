@@ -72,7 +72,7 @@ pub struct Measures {
 
 impl Measures {
     /// Whether the steps are so coarse that a healthy taxel at rest keeps one value for seconds.
-    pub const fn has_coarse_steps(self) -> bool {
+    pub(crate) const fn has_coarse_steps(self) -> bool {
         self.bits <= 8
     }
 }
@@ -205,7 +205,7 @@ impl Protocol {
     /// taxels 0 to 5 of each SDA line, so the numbers of a 4x6 module have gaps. iCub: `k =
     /// triangle * 12 + pad`, where some pads are no taxels; CySkin: `k = sensor`, where 0 is the
     /// temperature ([`crate::Decoder::auxiliary`] has those).
-    pub fn taxel_numbers(self) -> u16 {
+    pub(crate) fn taxel_numbers(self) -> u16 {
         self.0.properties().taxel_numbers
     }
 
@@ -261,7 +261,7 @@ impl Protocol {
     }
 
     /// Whether two protocols number their boards in one list, so that equal addresses mean the same board.
-    pub fn has_addresses_of(self, other: Self) -> bool {
+    pub(crate) fn has_addresses_of(self, other: Self) -> bool {
         self == other || (self.mtb().is_some() && other.mtb().is_some())
     }
 
