@@ -2,7 +2,7 @@
 
 use crate::csv_columns::{LineColumns, cell};
 use crate::error::RecordError;
-use crate::npy::MAX_NUMBERS;
+use crate::numpy::npy::MAX_NUMBERS;
 use crate::table::{ColumnNames, Columns, ReadOptions, Table, TimeUnit};
 use csv::{ByteRecord, Reader, ReaderBuilder, Terminator};
 use std::fs::File;

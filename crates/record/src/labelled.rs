@@ -1,8 +1,8 @@
 //! Frames that say what was touched: for judging what of it can still be told from a tactile image.
 
 use crate::error::{RecordError, SOMETHING};
-use crate::npy::Array;
-use crate::npz::Npz;
+use crate::numpy::npy::Array;
+use crate::numpy::npz::Npz;
 use std::io::Read;
 use std::path::Path;
 

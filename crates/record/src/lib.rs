@@ -26,21 +26,16 @@ mod recording;
 mod table;
 mod writers;
 
-use numpy::{npy, npy_header, npz, npz_writer, number, number_array, spool};
-#[cfg(feature = "parquet")]
-use writers::frame_columns;
-use writers::{frame_arrays, frames, images};
-
 pub use error::RecordError;
-pub use frame_arrays::FrameArrays;
-#[cfg(feature = "parquet")]
-pub use frame_columns::FrameColumns;
-pub use frames::FrameTable;
-pub use images::{ImageStack, ImageTable};
 pub use kind::FileKind;
 pub use labelled::Labelled;
-pub use npz_writer::{NpzWriter, write_npy};
-pub use number::Number;
-pub use number_array::NumberArray;
+pub use numpy::npz_writer::{NpzWriter, write_npy};
+pub use numpy::number::Number;
+pub use numpy::number_array::NumberArray;
 pub use recording::{Frames, Recording, TaxelCounts};
 pub use table::{Columns, DEFAULT_RATE_HZ, RATES_HZ, ReadOptions, TimeUnit, Void};
+pub use writers::frame_arrays::FrameArrays;
+#[cfg(feature = "parquet")]
+pub use writers::frame_columns::FrameColumns;
+pub use writers::frames::FrameTable;
+pub use writers::images::{ImageStack, ImageTable};

@@ -1,8 +1,8 @@
 //! Arrays of numpy's `.npy`.
 
+use super::npy_header::Header;
 use crate::error::{RecordError, SOMETHING, show_shape};
 use crate::meaning::Meaning;
-use crate::npy_header::Header;
 use crate::table::{ColumnNames, ReadOptions, Table};
 use std::fs::File;
 use std::io::{BufReader, Read};

@@ -1,9 +1,9 @@
 //! Arrays of numpy's `.npz`: a zip archive of npy files.
 
+use super::npy::Array;
 use crate::csv_columns::{is_unitless, time_unit};
 use crate::error::{RecordError, show_shape};
 use crate::meaning::Meaning;
-use crate::npy::Array;
 use crate::table::{ColumnNames, ReadOptions, Table, TimeUnit, Void};
 use std::fs::File;
 use std::io::{BufReader, Read};

@@ -1,9 +1,9 @@
 //! Arrays out to numpy's `.npy` and `.npz`.
 
+use super::npy_header::Header;
+use super::number::Number;
+use super::spool::{Column, Spool};
 use crate::error::RecordError;
-use crate::npy_header::Header;
-use crate::number::Number;
-use crate::spool::{Column, Spool};
 use std::fs::{self, File};
 use std::io::{self, BufWriter, Read, Seek, SeekFrom, Write};
 use std::path::Path;

@@ -1,8 +1,8 @@
 //! Arrays of an `.npy` or `.npz` whose meaning another program knows.
 
+use super::npy::Array;
+use super::npz::Npz;
 use crate::error::RecordError;
-use crate::npy::Array;
-use crate::npz::Npz;
 use std::fs::File;
 use std::io::{BufReader, Read};
 use std::path::Path;

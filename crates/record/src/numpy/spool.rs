@@ -1,6 +1,6 @@
 //! What is put aside until a file can be written: little in memory, more on the disk.
 
-use crate::number::Number;
+use super::number::Number;
 use std::io::{self, BufWriter, Read, Seek, SeekFrom, Write};
 use std::marker::PhantomData;
 use std::path::{Path, PathBuf};

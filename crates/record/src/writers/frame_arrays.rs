@@ -1,11 +1,11 @@
 //! Tactile frames as `.npz`: arrays of counts, times and joint angles.
 
+use super::frames::counts_of;
 use crate::error::RecordError;
-use crate::frames::counts_of;
-use crate::npy::MAX_NUMBERS;
-use crate::npz::WITHOUT_VALUE;
-use crate::npz_writer::NpzWriter;
-use crate::spool::Column;
+use crate::numpy::npy::MAX_NUMBERS;
+use crate::numpy::npz::WITHOUT_VALUE;
+use crate::numpy::npz_writer::NpzWriter;
+use crate::numpy::spool::Column;
 use std::io;
 use std::path::{Path, PathBuf};
 use taxel_hand::TactileFrame;

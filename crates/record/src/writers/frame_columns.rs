@@ -1,7 +1,7 @@
 //! Tactile frames as `.parquet`: a column for each axis of each taxel.
 
+use super::frames::counts_of;
 use crate::error::RecordError;
-use crate::frames::counts_of;
 use crate::recording::TaxelCounts;
 use parquet::basic::{Compression, LogicalType, Repetition, Type as Physical};
 use parquet::column::writer::ColumnWriter;

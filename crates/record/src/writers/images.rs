@@ -1,8 +1,8 @@
 //! Tactile images as `.npy`, `.npz` and `.csv`.
 
 use crate::error::RecordError;
-use crate::npz_writer::{NpzWriter, write_column};
-use crate::spool::Column;
+use crate::numpy::npz_writer::{NpzWriter, write_column};
+use crate::numpy::spool::Column;
 use std::fs::File;
 use std::io::{self, Write};
 use std::path::{Path, PathBuf};
