@@ -25,8 +25,6 @@ mod shape;
 mod squeeze;
 mod tactile;
 
-use plausibility::{domain, glitch, likeness, stillness};
-
 pub use disturbance::Disturbance;
 pub use error::ForearmError;
 pub use estimate::{Estimate, Estimator, Seen, Source};

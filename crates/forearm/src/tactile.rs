@@ -3,8 +3,8 @@
 use crate::error::ForearmError;
 use crate::estimate::{Estimate, Estimator, Seen, Source};
 use crate::left_out::LeftOut;
-use crate::likeness::Likeness;
 use crate::phase::{Course, PHASES};
+use crate::plausibility::likeness::Likeness;
 use crate::profile::{Profile, places, within};
 use crate::regression::{Regression, Rows, Tried, try_all};
 use crate::session::Trial;

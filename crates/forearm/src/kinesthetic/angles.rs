@@ -1,7 +1,7 @@
 //! The four angles of a squeeze: how they are read, which of them are looked at together, and how little they move.
 
-use crate::glitch::without_glitches;
 use crate::left_out::LeftOut;
+use crate::plausibility::glitch::without_glitches;
 use crate::squeeze::Squeeze;
 use std::borrow::Cow;
 

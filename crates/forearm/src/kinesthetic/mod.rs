@@ -7,16 +7,16 @@ use self::angles::{
     LEAST_MOVED, MOTORS, READINGS, STUCK_DEG, angle, as_read, columns_of, covers, range, without,
 };
 use self::training::Training;
-use crate::domain::Domain;
 use crate::error::ForearmError;
 use crate::estimate::{Estimate, Estimator, Source};
 use crate::left_out::{ANGLES, LeftOut};
 use crate::phase::{Course, PHASES};
+use crate::plausibility::domain::Domain;
+use crate::plausibility::stillness::Stillness;
 use crate::profile::{Profile, WHOLE};
 use crate::regression::{Regression, Tried, try_all};
 use crate::session::Trial;
 use crate::squeeze::Squeeze;
-use crate::stillness::Stillness;
 use serde::{Deserialize, Serialize};
 use std::borrow::Cow;
 
