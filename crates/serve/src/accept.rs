@@ -1,10 +1,10 @@
 //! Lets subscribers in, and tells those why that have to go.
 
+use crate::delivery::socket::Socket;
 use crate::farewell::Farewell;
-use crate::profile_maker::ProfileMaker;
+use crate::profiles::profile_maker::ProfileMaker;
 use crate::registry::{Entry, Registry};
 use crate::server::Server;
-use crate::socket::Socket;
 use crate::subscriber::Subscriber;
 use std::convert::Infallible;
 use std::rc::Rc;

@@ -1,6 +1,6 @@
 //! What a program serves that makes no images: texts alone.
 
-use crate::profile_maker::{Cost, DisplayProfile, MadeOutput, Measurement, ProfileMaker};
+use crate::profiles::profile_maker::{Cost, DisplayProfile, MadeOutput, Measurement, ProfileMaker};
 use taxel_wire::Hello;
 
 /// A maker of no images: subscribers get the HELLO and what the program announces. A stated profile

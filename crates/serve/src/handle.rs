@@ -1,9 +1,9 @@
 //! What a program's other threads have of its server: they tell its subscribers something, and ask
 //! who is connected, without holding up the thread that sends.
 
-use crate::active_profile::ProfileRecord;
+use crate::delivery::sent::Sent;
+use crate::profiles::active_profile::ProfileRecord;
 use crate::registry::Entry;
-use crate::sent::Sent;
 use std::collections::BTreeMap;
 use std::io;
 use std::os::fd::OwnedFd;

@@ -29,16 +29,13 @@ mod socket_path;
 mod subscriber;
 mod turns;
 
-use delivery::{courier, feed, lane, message, pace, packet, second_hand, sent, socket, stream};
-use profiles::{active_profile, output_slots, profile_maker};
-
 pub use allowance::Allowance;
 pub use announcements::Announcements;
 pub use config::{Limits, ProfilesConfig};
 pub use crowding::most_crowding;
 pub use handle::{Holder, Roster, ServerHandle};
 pub use log_lines::{LogLines, and_unsaid};
-pub use output_slots::OutputSlots;
-pub use profile_maker::{Cost, DisplayProfile, MadeOutput, Measurement, ProfileMaker};
+pub use profiles::output_slots::OutputSlots;
+pub use profiles::profile_maker::{Cost, DisplayProfile, MadeOutput, Measurement, ProfileMaker};
 pub use server::{Server, ServerSeed};
 pub use socket_path::{SocketPath, SocketPathError, check_group, check_socket_path};

@@ -1,8 +1,8 @@
 //! Raw frames, made while somebody reads them.
 
-use crate::output_slots::{Output, SlotControl, cost_per_tick};
-use crate::profile_maker::ProfileMaker;
-use crate::stream::{OverTicks, Stream, stream};
+use crate::delivery::stream::{OverTicks, Stream, stream};
+use crate::profiles::output_slots::{Output, SlotControl, cost_per_tick};
+use crate::profiles::profile_maker::ProfileMaker;
 use std::cell::RefCell;
 use std::rc::Rc;
 

@@ -1,18 +1,18 @@
 //! A program that publishes: its subscribers, its display profiles, and what it tells everybody.
 
-use crate::active_profile::Started;
 use crate::config::{Limits, ProfilesConfig};
 use crate::delivery::Delivery;
-use crate::feed::Feed;
+use crate::delivery::feed::Feed;
+use crate::delivery::lane::Lane;
+use crate::delivery::second_hand::{Hands, Prepare};
+use crate::delivery::stream::Stream;
 use crate::handle::{Request, Roster, ServerHandle};
-use crate::lane::Lane;
-use crate::output_slots::{OutputSlots, SlotControl, output_slots};
-use crate::profile_maker::{DisplayProfile, ProfileMaker};
+use crate::profiles::active_profile::Started;
+use crate::profiles::output_slots::{OutputSlots, SlotControl, output_slots};
+use crate::profiles::profile_maker::{DisplayProfile, ProfileMaker};
 use crate::profiles::{Profiles, start_own};
 use crate::raw::RawStream;
 use crate::registry::Registry;
-use crate::second_hand::{Hands, Prepare};
-use crate::stream::Stream;
 use crate::turns::Turns;
 use std::cell::RefCell;
 use std::rc::Rc;

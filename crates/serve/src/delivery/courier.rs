@@ -3,10 +3,10 @@
 //! It is all of a stream that the thread with the frames ever wakes, however many read it: to wake a task of another
 //! thread takes a lock, and memory where many are woken at once.
 
+use super::lane::Lane;
+use super::message::Message;
+use super::second_hand::Hands;
 use crate::delivery::Delivery;
-use crate::lane::Lane;
-use crate::message::Message;
-use crate::second_hand::Hands;
 use std::cell::{Cell, RefCell};
 use std::rc::Rc;
 use std::sync::Arc;

@@ -1,11 +1,11 @@
 //! One stream on its way to one subscriber: the newest message when the socket can take one, or
 //! every message in order; and a count of those skipped.
 
+use super::lane::Lane;
+use super::message::Message;
+use super::second_hand::Hands;
+use super::stream::{Stream, deliver};
 use crate::delivery::Delivery;
-use crate::lane::Lane;
-use crate::message::Message;
-use crate::second_hand::Hands;
-use crate::stream::{Stream, deliver};
 use std::future::poll_fn;
 use std::io::{self, IoSlice};
 use std::rc::Rc;

@@ -4,11 +4,11 @@
 //! them thirty times a second would cost more than the sending; so a task that waits for nothing but
 //! the newest image leaves its lane to the courier, and is woken only where its socket is full.
 
-use crate::message::Message;
-use crate::pace::Pace;
-use crate::packet::Packet;
-use crate::sent::Sent;
-use crate::socket::Socket;
+use super::message::Message;
+use super::pace::Pace;
+use super::packet::Packet;
+use super::sent::Sent;
+use super::socket::Socket;
 use std::cell::Cell;
 use std::rc::Rc;
 use std::sync::Arc;

@@ -11,7 +11,7 @@ pub(crate) mod sent;
 pub(crate) mod socket;
 pub(crate) mod stream;
 
-use crate::socket::Room;
+use socket::Room;
 use taxel_wire::Subscribe;
 
 /// Which messages of a stream a subscriber is sent, and by whom.

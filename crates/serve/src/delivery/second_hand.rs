@@ -5,10 +5,10 @@
 //! they are done. Where it gets none, the first sends all. It is given descriptors and bytes; whose they are, and what
 //! becomes of it, is the serving thread's business.
 
-use crate::lane::Lane;
-use crate::message::Message;
-use crate::packet::Packet;
-use crate::socket::are_writable;
+use super::lane::Lane;
+use super::message::Message;
+use super::packet::Packet;
+use super::socket::are_writable;
 use nix::sys::socket::{MsgFlags, sendmsg};
 use std::io::IoSlice;
 use std::os::fd::{AsFd, AsRawFd};
@@ -138,8 +138,8 @@ impl Part {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::sent::Sent;
-    use crate::socket::Socket;
+    use crate::delivery::sent::Sent;
+    use crate::delivery::socket::Socket;
     use nix::errno::Errno;
     use nix::poll::{PollFd, PollFlags, poll};
     use nix::sys::socket::{AddressFamily, SockFlag, SockType, recv, send, socketpair};

@@ -4,9 +4,9 @@
 //! Readers are given the newest message, or every one: the latter are kept in a backlog of bounded
 //! length on the serving thread, beyond which the oldest are lost.
 
-use crate::courier::Readers;
-use crate::message::Message;
-use crate::second_hand::Hands;
+use super::courier::Readers;
+use super::message::Message;
+use super::second_hand::Hands;
 use std::cell::RefCell;
 use std::collections::VecDeque;
 use std::rc::{Rc, Weak};

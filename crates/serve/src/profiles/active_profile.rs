@@ -1,8 +1,8 @@
 //! A profile that images are made for, and what those hold who need it.
 
-use crate::output_slots::CostPerTick;
-use crate::profile_maker::{Cost, DisplayProfile, ProfileMaker};
-use crate::stream::{Stream, StreamEnd};
+use super::output_slots::CostPerTick;
+use super::profile_maker::{Cost, DisplayProfile, ProfileMaker};
+use crate::delivery::stream::{Stream, StreamEnd};
 use std::cell::Cell;
 use std::rc::Rc;
 use std::time::Instant;

@@ -8,12 +8,12 @@ pub(crate) mod active_profile;
 pub(crate) mod output_slots;
 pub(crate) mod profile_maker;
 
-use crate::active_profile::{ActiveProfile, Lease, ProfileRecord, Started, us};
 use crate::config::ProfilesConfig;
+use crate::delivery::stream::{OverTicks, StreamEnd, stream};
 use crate::log_lines::LogLines;
-use crate::output_slots::{Output, SlotControl, cost_per_tick};
-use crate::profile_maker::{Cost, DisplayProfile, ProfileMaker};
-use crate::stream::{OverTicks, StreamEnd, stream};
+use active_profile::{ActiveProfile, Lease, ProfileRecord, Started, us};
+use output_slots::{Output, SlotControl, cost_per_tick};
+use profile_maker::{Cost, DisplayProfile, ProfileMaker};
 use std::cell::{Cell, RefCell};
 use std::collections::HashMap;
 use std::rc::Rc;

@@ -5,7 +5,7 @@
 //! of what they cost. It is built on the serving thread with all its memory, sent over, and sent
 //! back to be dropped, so that the thread that has the frames neither allocates nor frees.
 
-use crate::stream::Publisher;
+use crate::delivery::stream::Publisher;
 use hdrhistogram::Histogram;
 use std::cell::RefCell;
 use std::sync::atomic::{
@@ -191,7 +191,7 @@ impl<F> SlotControl<F> {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::stream::stream;
+    use crate::delivery::stream::stream;
     use taxel_wire::{EncodeError, Header, Kind};
 
     #[test]
@@ -221,7 +221,7 @@ mod tests {
         }
     }
 
-    fn small() -> (Box<Output<u8>>, crate::stream::Stream) {
+    fn small() -> (Box<Output<u8>>, crate::delivery::stream::Stream) {
         let (publisher, stream) = stream(1, 1.0);
         let output = Output {
             encoder: Box::new(Small),

@@ -5,10 +5,10 @@ mod tests;
 
 use crate::config::Limits;
 use crate::crowding::most_crowding;
+use crate::delivery::sent::Sent;
+use crate::delivery::stream::OverTicks;
 use crate::farewell::Farewell;
 use crate::log_lines::LogLines;
-use crate::sent::Sent;
-use crate::stream::OverTicks;
 use std::cell::{Cell, RefCell};
 use std::collections::{HashMap, VecDeque};
 use std::sync::atomic::{AtomicBool, AtomicU32, Ordering::Relaxed};

@@ -3,22 +3,22 @@
 //!
 //! A subscriber that is slow is given the newest image when it can take it, and told how many it
 //! missed. It holds up neither the tick nor another subscriber: all it can block is its own task. While
-//! that task waits, the courier sends the newest image (see [`crate::lane`]).
+//! that task waits, the courier sends the newest image (see [`crate::delivery::lane`]).
 
 mod subscription;
 
-use crate::active_profile::{ActiveProfile, Lease};
 use crate::delivery::Delivery;
+use crate::delivery::feed::Feed;
+use crate::delivery::lane::Lane;
+use crate::delivery::sent::Sent;
+use crate::delivery::socket::{Socket, kept_bytes, send_buffer};
+use crate::delivery::stream::Stream;
 use crate::farewell::Farewell;
-use crate::feed::Feed;
 use crate::handle::{Announcement, Packets};
-use crate::lane::Lane;
-use crate::profile_maker::ProfileMaker;
+use crate::profiles::active_profile::{ActiveProfile, Lease};
+use crate::profiles::profile_maker::ProfileMaker;
 use crate::registry::Entry;
-use crate::sent::Sent;
 use crate::server::Server;
-use crate::socket::{Socket, kept_bytes, send_buffer};
-use crate::stream::Stream;
 use crate::turns::Account;
 use std::collections::VecDeque;
 use std::future::poll_fn;

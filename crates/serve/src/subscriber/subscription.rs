@@ -1,10 +1,10 @@
 //! What a subscriber wants, and what becomes of that: its profile first, then the rest.
 
 use super::Subscriber;
-use crate::active_profile::{ActiveProfile, Lease};
 use crate::delivery::Delivery;
 use crate::farewell::Farewell;
-use crate::profile_maker::{DisplayProfile, ProfileMaker};
+use crate::profiles::active_profile::{ActiveProfile, Lease};
+use crate::profiles::profile_maker::{DisplayProfile, ProfileMaker};
 use std::rc::Rc;
 use taxel_wire::{Event, EventKind, Subscribe, SubscribeError};
 use tokio::task::JoinHandle;
