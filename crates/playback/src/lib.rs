@@ -29,11 +29,8 @@ pub mod remarks;
 pub mod scene_input;
 pub mod stand_in;
 
-use buses::{frame_file, pass, recorded_buses};
 pub use buses::{player, target, traffic, traffic_output};
-use counts::whole_frames;
 pub use counts::{array_frames, fitted, sweep};
 pub use interfaces::log_interfaces;
-use interfaces::{bus_orders, heard};
 pub use mcap::{calibrated, daemon_changes, head, recorded};
 pub use output::{image_line, image_output, output_file, raw_line};

@@ -1,11 +1,11 @@
 //! The daemon's pipeline for frames that were recorded or made: what each instant felt is shown to whoever asked.
 
-use crate::daemon_changes::{DaemonChange, DaemonChanges};
+use crate::buses::recorded_buses::read_ahead;
+use crate::buses::traffic::Traffic;
+use crate::counts::sweep::{Sweeps, can_carry_counts};
+use crate::counts::whole_frames::WholeFrames;
+use crate::mcap::daemon_changes::{DaemonChange, DaemonChanges};
 use crate::progress::Progress;
-use crate::recorded_buses::read_ahead;
-use crate::sweep::{Sweeps, can_carry_counts};
-use crate::traffic::Traffic;
-use crate::whole_frames::WholeFrames;
 use std::ops::ControlFlow;
 use taxel_engine::{EngineConfig, EngineError, Frames, Recorded, TickMode, run_recorded, run_whole_frames};
 use taxel_hand::{Fault, Faults, ForceFrame, TactileFrame};

@@ -94,8 +94,8 @@ fn print(line: &str) {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::recorded_buses::read_ahead;
-    use crate::traffic::Traffic;
+    use crate::buses::recorded_buses::read_ahead;
+    use crate::buses::traffic::Traffic;
 
     #[test]
     fn who_draws_is_given_once_what_is_said_by_whichever_thread() {

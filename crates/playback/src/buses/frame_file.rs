@@ -1,9 +1,9 @@
 //! A file of CAN traffic while it is read, frame by frame.
 
-use crate::daemon_changes::{DaemonChange, DaemonChanges};
+use super::traffic::{BLOCK, Traffic};
+use crate::mcap::daemon_changes::{DaemonChange, DaemonChanges};
+use crate::mcap::recorded::rest;
 use crate::progress::Progress;
-use crate::recorded::rest;
-use crate::traffic::{BLOCK, Traffic};
 use anyhow::{Context, anyhow, bail};
 use std::fs::File;
 use std::io::{BufReader, Seek};

@@ -1,7 +1,7 @@
 //! A recording as it is played: its frames in the order of the file, at times that never fall.
 
-use crate::frame_file::{Entry, FrameFile};
-use crate::traffic::Traffic;
+use super::frame_file::{Entry, FrameFile};
+use super::traffic::Traffic;
 use std::sync::{Arc, Mutex, PoisonError};
 use taxel_can::{ClockJumps, LogClock, Received};
 

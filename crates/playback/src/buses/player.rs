@@ -1,12 +1,12 @@
 //! A recording onto buses, at the times at which it was recorded.
 
-use crate::array_frames::ArrayFrames;
+use super::pass::{Line, Pass};
+use super::target::Targets;
+use super::traffic::Traffic;
+use crate::counts::array_frames::ArrayFrames;
+use crate::counts::sweep::Sweeps;
 use crate::interrupt::Interrupt;
-use crate::pass::{Line, Pass};
 use crate::progress::Progress;
-use crate::sweep::Sweeps;
-use crate::target::Targets;
-use crate::traffic::Traffic;
 use anyhow::bail;
 use std::ops::Range;
 use std::sync::mpsc::sync_channel;

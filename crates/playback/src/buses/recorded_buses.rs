@@ -1,9 +1,9 @@
 //! The frames of the buses of a recording, as a daemon takes them.
 
-use crate::daemon_changes::{DaemonChange, DaemonChanges};
-use crate::frame_file::{Entry, FrameFile};
+use super::frame_file::{Entry, FrameFile};
+use super::traffic::Traffic;
+use crate::mcap::daemon_changes::{DaemonChange, DaemonChanges};
 use crate::progress::Progress;
-use crate::traffic::Traffic;
 use std::sync::mpsc::{Receiver, SyncSender, sync_channel};
 use std::thread;
 use std::vec::IntoIter;

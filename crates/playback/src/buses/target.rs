@@ -1,6 +1,6 @@
 //! Where frames are put: a bus, or a candump log.
 
-use crate::output_file::{OutputFile, create_stream};
+use crate::output::output_file::{OutputFile, create_stream};
 use anyhow::{Context, bail};
 use std::collections::HashMap;
 use std::fmt;

@@ -1,10 +1,10 @@
 //! CAN traffic into a file.
 
-use crate::array_frames::ArrayFrames;
-use crate::frame_file::FrameFile;
-use crate::output_file::create_stream;
-use crate::sweep::Sweeps;
-use crate::traffic::Traffic;
+use super::frame_file::FrameFile;
+use super::traffic::Traffic;
+use crate::counts::array_frames::ArrayFrames;
+use crate::counts::sweep::Sweeps;
+use crate::output::output_file::create_stream;
 use anyhow::Context;
 use std::collections::BTreeMap;
 use std::fs::File;

@@ -1,6 +1,6 @@
 //! Recorded counts as the frames that pressure arrays would have sent.
 
-use crate::sweep::begins_ns;
+use super::sweep::begins_ns;
 use anyhow::bail;
 use taxel_can::{Received, pressure_frames};
 use taxel_record::Recording;

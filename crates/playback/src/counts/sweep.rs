@@ -1,6 +1,6 @@
 //! Recorded counts as the CAN traffic that would have carried them.
 
-use crate::fitted::{IN_ORDER_OF_CHIPS, recorded_taxels};
+use super::fitted::{IN_ORDER_OF_CHIPS, recorded_taxels};
 use anyhow::bail;
 use taxel_can::{CanFrame, ClockJumps, LONGEST_PAUSE_NS, Received};
 use taxel_record::Recording;

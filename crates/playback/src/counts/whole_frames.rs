@@ -1,7 +1,7 @@
 //! Recorded counts as tactile frames that are whole already: the recording says which values are of one frame.
 
-use crate::fitted::recorded_taxels;
-use crate::sweep::Sweeps;
+use super::fitted::recorded_taxels;
+use super::sweep::Sweeps;
 use taxel_hand::{Freshness, TactileFrame};
 use taxel_record::Recording;
 use taxel_skin::{Decoder, Layout, Readings};

@@ -1,6 +1,6 @@
 //! What an interface of a log carries, read as each bus of a hand.
 
-use crate::traffic::Wanted;
+use crate::buses::traffic::Wanted;
 use std::collections::BTreeSet;
 use taxel_can::{CanFrame, EXTENDED_FLAG, LogFrame, Received};
 use taxel_skin::{BusMonitor, Decoded, Decoder, Finding, Layout, Readings};

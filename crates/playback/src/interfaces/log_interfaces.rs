@@ -1,9 +1,9 @@
 //! Which interface of recorded traffic is which bus of a hand: by its name, by the boards that it carries, or as the
 //! command line says.
 
-use crate::bus_orders::Orders;
-use crate::heard::{AsBus, Heard};
-use crate::traffic::{Traffic, Wanted};
+use super::bus_orders::Orders;
+use super::heard::{AsBus, Heard};
+use crate::buses::traffic::{Traffic, Wanted};
 use anyhow::bail;
 use std::collections::BTreeSet;
 use std::path::Path;

@@ -1,7 +1,7 @@
 //! What the daemon of an MCAP recording had calibrated when that begins: a part of a recording, or one that was kept around
 //! a trigger, may begin in a grasp.
 
-use crate::head::{HEAD_NS, Head};
+use super::head::{HEAD_NS, Head};
 use taxel_config::Config;
 use taxel_recorder::{Item, RecordedFrame, RecordingReader, Topic};
 use taxel_skin::Calibrated;

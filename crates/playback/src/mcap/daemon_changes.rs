@@ -1,7 +1,7 @@
 //! What the daemon of an MCAP recording did while that was made: new calibrations, pauses, and that it was started anew.
 
-use crate::calibrated::{calibrated, is_of_it, window_ns};
-use crate::head::Head;
+use super::calibrated::{calibrated, is_of_it, window_ns};
+use super::head::Head;
 use std::collections::VecDeque;
 use taxel_config::Config;
 use taxel_engine::Change;
@@ -66,7 +66,7 @@ impl DaemonChanges {
     }
 
     /// All of a recording up to where its times go back, by the times that its frames have as
-    /// [`recorded::frames`](crate::recorded::frames) reads them.
+    /// [`recorded::frames`](crate::mcap::recorded::frames) reads them.
     pub fn of_frames(mut self, head: &Head) -> anyhow::Result<Vec<DaemonChange>> {
         let mut reader = RecordingReader::open(head.path(), &Self::TOPICS)?;
         let (mut first_ns, mut last_ns) = (None, 0);

@@ -1,6 +1,6 @@
 //! An MCAP recording as an input: the frames and images that the daemon made, and the marks in between.
 
-use crate::head::Head;
+use super::head::Head;
 use anyhow::bail;
 use std::path::Path;
 use taxel_hand::{TactileImage, plural};

@@ -1,8 +1,8 @@
 //! Where compressed images go: a file, in the format its name tells.
 
-use crate::image_line;
-use crate::output_file::{OutputFile, create_stream};
-use crate::recorded::ShownImages;
+use super::image_line;
+use super::output_file::{OutputFile, create_stream};
+use crate::mcap::recorded::ShownImages;
 use anyhow::{Context, bail};
 use std::fs::File;
 use std::io::{BufWriter, Write};

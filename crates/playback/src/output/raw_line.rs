@@ -1,6 +1,6 @@
 //! A raw frame as one line: JSON for scripts, words for people.
 
-use crate::image_line::{joints, remarks, start};
+use super::image_line::{joints, remarks, start};
 use serde::Serialize;
 use std::fmt::Write;
 use taxel_hand::Freshness;
