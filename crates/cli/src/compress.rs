@@ -1,11 +1,10 @@
 //! `taxel compress`: the daemon's compression, offline.
 
-use crate::frame_output::{FrameFormat, FrameOutput};
-use crate::input::Input;
 use crate::offered::offering;
-use crate::offline::OfflineArgs;
-use crate::out_of_use::OutOfUse;
-use crate::stdout;
+use crate::recordings::frame_output::{FrameFormat, FrameOutput};
+use crate::recordings::input::Input;
+use crate::recordings::offline::OfflineArgs;
+use crate::recordings::out_of_use::OutOfUse;
 use crate::wrong_use;
 use anyhow::bail;
 use clap::builder::{PathBufValueParser, TypedValueParser};
@@ -23,6 +22,7 @@ use taxel_playback::pipeline::Felt;
 use taxel_playback::progress::Progress;
 use taxel_skin::Layout;
 use taxeld::Config;
+use taxeld::stdout;
 
 /// Compress a recording offline, with the same core as the daemon and the same bytes as its result.
 ///

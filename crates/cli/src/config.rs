@@ -1,6 +1,5 @@
 //! `taxel config`: the daemon's configuration file.
 
-use crate::stdout;
 use anyhow::{Context, bail};
 use serde_json::json;
 use std::io::Read;
@@ -11,6 +10,7 @@ use taxel_sim::with_stand_in_boards;
 use taxel_skin::Layout;
 use taxeld::Config;
 use taxeld::config::ANNOTATED;
+use taxeld::stdout;
 
 /// Where the service has its configuration.
 const SERVICE: &str = "/etc/taxeld/taxeld.toml";

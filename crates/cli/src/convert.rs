@@ -1,10 +1,9 @@
 //! `taxel convert`: a recording in another format.
 
-use crate::frame_output::{FrameFormat, FrameOutput};
-use crate::input::{DEFAULT_LAYOUT, Input};
-use crate::marks_file;
-use crate::offline::OfflineArgs;
-use crate::stdout;
+use crate::recordings::frame_output::{FrameFormat, FrameOutput};
+use crate::recordings::input::{DEFAULT_LAYOUT, Input};
+use crate::recordings::marks_file;
+use crate::recordings::offline::OfflineArgs;
 use crate::wrong_use;
 use anyhow::{Context, bail};
 use serde_json::json;
@@ -24,6 +23,7 @@ use taxel_playback::traffic_output::{Check, TrafficFormat, TrafficOutput};
 use taxel_record::Recording;
 use taxel_recorder::Topic;
 use taxel_skin::Layout;
+use taxeld::stdout;
 
 /// Write a recording in another format.
 ///

@@ -1,11 +1,11 @@
 //! `taxel status`, `rezero`, `pause`, `resume`, `profile` and `mark`: one request to the running daemon.
 
-use crate::stdout;
-use crate::{control, status_text};
+use crate::client::{control, status_text};
 use anyhow::Context;
 use serde_json::{Value, json};
 use std::path::PathBuf;
 use taxel_wire::status::Status;
+use taxeld::stdout;
 
 /// Where the daemon is asked.
 #[derive(Debug, Clone, clap::Args)]

@@ -1,6 +1,5 @@
 //! `taxel NAME` where NAME is not built in: the program `taxel-NAME`, as git and cargo do.
 
-use crate::stdout;
 use std::collections::BTreeMap;
 use std::ffi::{OsStr, OsString};
 use std::os::unix::ffi::OsStrExt;
@@ -9,6 +8,7 @@ use std::os::unix::process::CommandExt;
 use std::path::{Path, PathBuf};
 use std::process::{Command, ExitCode};
 use taxel_hand::did_you_mean;
+use taxeld::stdout;
 
 const PREFIX: &str = "taxel-";
 /// The exit code of wrong usage.

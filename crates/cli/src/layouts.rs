@@ -2,12 +2,12 @@
 
 use crate::offered::offering;
 use crate::piped_file::layout_parser;
-use crate::stdout;
 use anyhow::Context;
 use serde_json::json;
 use std::fmt::Write as _;
 use taxel_skin::{Layout, Protocol, Wiring};
 use taxel_view::outline;
+use taxeld::stdout;
 
 /// Columns of a drawing.
 const COLUMNS: u16 = 78;

@@ -40,10 +40,6 @@ mod wrap;
 use anyhow::Context;
 use clap::error::ErrorKind;
 use clap::{CommandFactory, Parser, Subcommand};
-use client::{control, live_lines, publisher, rates, reconnect, scene_marks, status_text};
-use recordings::{
-    assumed, frame_output, held_to_the_end, input, magnitudes, marks_file, offline, out_of_use,
-};
 use signal_hook::consts::SIGXFSZ;
 use std::ffi::OsString;
 use std::process::ExitCode;

@@ -1,6 +1,5 @@
 //! What shells and `man` are told of the commands; packages install it.
 
-use crate::stdout;
 use anyhow::Context;
 use clap::{Args, CommandFactory};
 use clap_complete::Shell;
@@ -9,6 +8,7 @@ use std::fs;
 use std::path::{Path, PathBuf};
 use std::time::{Duration, SystemTime, UNIX_EPOCH};
 use taxel_skin::Layout;
+use taxeld::stdout;
 
 /// Print what completes the commands and options of `taxel` in a shell.
 #[derive(Debug, Args)]

@@ -1,8 +1,7 @@
 //! `taxel replay`: a recording back onto a bus.
 
-use crate::input::{DEFAULT_LAYOUT, Input, InputArgs, TIMES_S, number, pair};
 use crate::piped_file::text_parser;
-use crate::stdout;
+use crate::recordings::input::{DEFAULT_LAYOUT, Input, InputArgs, TIMES_S, number, pair};
 use crate::wrong_use;
 use anyhow::{anyhow, bail};
 use std::ops::Range;
@@ -15,6 +14,7 @@ use taxel_playback::sweep::Sweeps;
 use taxel_playback::target::{TargetAddress, Targets, refuse_shared_ids};
 use taxel_record::Recording;
 use taxeld::Config;
+use taxeld::stdout;
 
 /// Put a recording back onto a bus, at the times at which it was recorded.
 ///

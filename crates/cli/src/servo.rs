@@ -1,9 +1,10 @@
 //! `taxel servo`: torque and PWM of one servo, through the daemon.
 
-use crate::stdout;
-use crate::{control, wrong_use};
+use crate::client::control;
+use crate::wrong_use;
 use serde_json::json;
 use std::path::PathBuf;
+use taxeld::stdout;
 
 /// Switch a servo's motor on or off, or give it a PWM, through the running daemon.
 ///

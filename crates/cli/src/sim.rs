@@ -1,12 +1,11 @@
 //! `taxel sim`: a scene on a real or virtual bus.
 
+use crate::client::scene_marks::SceneMarks;
 use crate::forearm::play;
 use crate::notices;
 use crate::offered::offering;
 use crate::piped_file::layout_parser;
-use crate::scene_marks::SceneMarks;
 use crate::seconds::seconds;
-use crate::stdout;
 use crate::wrong_use;
 use anyhow::{Context, anyhow, bail};
 use clap::builder::{StringValueParser, TypedValueParser};
@@ -20,6 +19,7 @@ use taxel_playback::target::{TargetAddress, Targets, of_buses, refuse_shared_ids
 use taxel_sim::servo::{SERVO_BAUD, ServoBus, ServoPty, StableLink, servo_clock_ns, servos_of_scene};
 use taxel_sim::{Scene, SceneError, Simulator, stand_in_layout_file, with_stand_in_boards};
 use taxel_skin::Layout;
+use taxeld::stdout;
 
 /// The longest that a command on a bus waits to be heard.
 const LISTEN: Duration = Duration::from_millis(1);

@@ -1,8 +1,8 @@
 //! `taxel watch`: one line per image of a running daemon.
 
+use crate::client::rates::Rates;
+use crate::client::reconnect::with_daemon;
 use crate::notices;
-use crate::rates::Rates;
-use crate::reconnect::with_daemon;
 use anyhow::Context;
 use ratatui::crossterm::terminal::window_size;
 use std::io::{self, IsTerminal, Write};

@@ -1,9 +1,9 @@
 //! `taxel categorize --live MAP`: touch after touch into its category, beside a running daemon.
 
 use super::map_file::MapFile;
-use crate::live_lines::{Lines, every_frame};
+use crate::client::live_lines::{Lines, every_frame};
+use crate::client::reconnect::with_daemon;
 use crate::notices;
-use crate::reconnect::with_daemon;
 use anyhow::{anyhow, bail, ensure};
 use serde::Serialize;
 use std::fmt;

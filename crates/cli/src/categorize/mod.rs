@@ -9,9 +9,8 @@ mod sweep;
 mod touches;
 mod trial;
 
-use crate::input::number;
 use crate::piped_file::recording_parser;
-use crate::stdout;
+use crate::recordings::input::number;
 use crate::wrong_use;
 use anyhow::{Context, bail};
 use clap::ValueEnum;
@@ -29,6 +28,7 @@ use taxel_palpation::{
 use taxel_record::{Columns, FileKind, RATES_HZ, ReadOptions};
 use taxel_sequence::{Aligned, Motion};
 use taxel_skin::Layout;
+use taxeld::stdout;
 pub(crate) use touches::label_of;
 use touches::{Cutting, Set};
 

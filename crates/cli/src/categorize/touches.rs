@@ -1,7 +1,7 @@
 //! Touches of one motion: from a recording cut by marks or contact, or from a scene.
 
-use crate::assumed;
-use crate::marks_file;
+use crate::recordings::assumed;
+use crate::recordings::marks_file;
 use anyhow::{Context, anyhow, bail, ensure};
 use std::path::{Path, PathBuf};
 use taxel_can::Received;

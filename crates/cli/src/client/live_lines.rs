@@ -1,11 +1,11 @@
 //! What is made of a daemon's frames while they come, as `taxel categorize --live` and `taxel forearm estimate --live` do:
 //! every frame in, a JSON line for each result out, on stdout and where there is a socket for it.
 
-use crate::publisher::Publisher;
-use crate::stdout;
+use super::publisher::Publisher;
 use serde::Serialize;
 use std::path::Path;
 use taxel_wire::{Clock, Hello, Kind, Subscribe, Subscriber};
+use taxeld::stdout;
 
 /// Asks for every frame, raw, and every mark of a daemon.
 pub(crate) fn every_frame(mut subscriber: Subscriber) -> anyhow::Result<Subscriber> {

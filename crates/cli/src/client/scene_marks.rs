@@ -1,6 +1,6 @@
 //! Marks of a scene with a phantom. Who plays the scene makes them on the daemon, as a robot would.
 
-use crate::control;
+use super::control;
 use anyhow::{Context, bail};
 use std::convert::Infallible;
 use std::path::PathBuf;

@@ -6,13 +6,12 @@ mod palpation;
 mod session;
 
 use crate::categorize::PhantomMap;
+use crate::client::control;
 use crate::compress::{method_parser, methods};
-use crate::control;
-use crate::offline::preset_parser;
 use crate::piped_file::layout_parser;
+use crate::recordings::offline::preset_parser;
 use crate::seconds::seconds;
 use crate::sim::{resolve, scene_parser};
-use crate::stdout;
 use crate::terminal;
 use crate::view::{Source, lock, look, request_of};
 use anyhow::bail;
@@ -31,6 +30,7 @@ use taxel_sim::{Scene, with_stand_in_boards};
 use taxel_skin::{Layout, Preset};
 use taxel_view::{Action, Heading, Palette, Screen, Seen};
 use taxel_wire::{ReadError, Subscriber};
+use taxeld::stdout;
 
 /// The scene of the default hand, and the one of any.
 const GRASP: &str = "ball-grasp";

@@ -2,7 +2,7 @@
 
 use super::Meter;
 use crate::categorize::{Categorised, Listener, Live, PhantomMap, Source, Untold, follow, label_of};
-use crate::scene_marks::SceneMarks;
+use crate::client::scene_marks::SceneMarks;
 use crate::view::lock;
 use ratatui::buffer::Buffer;
 use ratatui::layout::{Constraint, Layout as Split, Rect};

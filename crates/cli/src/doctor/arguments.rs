@@ -3,8 +3,8 @@
 use super::daemon::{self, Daemon};
 use super::hand_text::describe_hand;
 use super::scan;
-use crate::input::DEFAULT_LAYOUT;
 use crate::piped_file::{layout_parser, source_parser, text_parser};
+use crate::recordings::input::DEFAULT_LAYOUT;
 use crate::seconds::seconds;
 use crate::wrong_use;
 use anyhow::{Context, anyhow, bail};

@@ -5,7 +5,6 @@ use super::bus_listener::BusListener;
 use super::finding::{Check, State};
 use super::live::{self, ListenPolicy};
 use super::{Doctor, capacity, hand, link};
-use crate::stdout;
 use crate::wrap::wrap;
 use anyhow::bail;
 use taxel_can::SourceAddress;
@@ -13,6 +12,7 @@ use taxel_diagnose::Kind;
 use taxel_playback::interrupt::Interrupt;
 use taxel_skin::{Layout, Wiring};
 use taxeld::Config;
+use taxeld::stdout;
 
 const AREA: &str = "hand";
 

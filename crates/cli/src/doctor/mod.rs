@@ -22,7 +22,6 @@ pub(crate) mod starting;
 
 pub(crate) use arguments::Args;
 
-use crate::stdout;
 use crate::wrap::wrap;
 use access::{FileFacts, PortFacts, User};
 use anyhow::{Context, bail};
@@ -41,6 +40,7 @@ use taxel_playback::progress::Progress;
 use taxel_playback::stand_in::as_named;
 use taxel_skin::Layout;
 use taxeld::Config;
+use taxeld::stdout;
 
 /// Bit rates that servos may be set to, the likely ones first.
 pub(crate) const BAUDS: [u32; 7] = [

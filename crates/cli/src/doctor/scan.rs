@@ -3,7 +3,6 @@
 use super::bus_listener::{BusListener, Listener};
 use super::link;
 use super::starting::Asked;
-use crate::stdout;
 use crate::wrap::wrap;
 use anyhow::bail;
 use serde_json::json;
@@ -16,6 +15,7 @@ use taxel_playback::output_file::OutputFile;
 use taxel_playback::stand_in::as_named;
 use taxel_playback::traffic::Traffic;
 use taxel_skin::{Layout, RecognisedBus, Recogniser, Recognition};
+use taxeld::stdout;
 
 const RECEIVE_BUFFER: usize = 4 << 20;
 /// How the sentence goes on that no board was heard, where none was asked for.

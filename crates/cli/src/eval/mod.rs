@@ -10,11 +10,10 @@ mod table;
 mod task;
 
 use crate::allocations::COUNTER;
-use crate::offline::{Held, OfflineArgs};
-use crate::out_of_use::OutOfUse;
 use crate::piped_file;
+use crate::recordings::offline::{Held, OfflineArgs};
+use crate::recordings::out_of_use::OutOfUse;
 use crate::sim::recorded_scene_parser;
-use crate::stdout;
 use crate::wrong_use;
 use anyhow::{Context, bail};
 use serde::Serialize;
@@ -30,6 +29,7 @@ use taxel_playback::pipeline::Emit;
 use taxel_playback::progress::Progress;
 use taxel_skin::{ConditionConfig, Preset};
 use taxeld::Config;
+use taxeld::stdout;
 
 /// Measure speed against error: every method, on the same frames.
 ///

@@ -2,8 +2,7 @@
 
 use super::table::{self, NAME, wrapped};
 use super::{Args, advice_on_forces};
-use crate::offline::Held;
-use crate::stdout;
+use crate::recordings::offline::Held;
 use crate::wrong_use;
 use anyhow::{Context, bail};
 use serde::Serialize;
@@ -17,6 +16,7 @@ use taxel_plot::{Axis, Chart, Sheet};
 use taxel_record::Labelled;
 use taxel_skin::Layout;
 use taxeld::Config;
+use taxeld::stdout;
 
 /// What is judged where no method is named; places in a regular grid besides.
 const METHODS: [&str; 5] = [

@@ -6,10 +6,9 @@ mod take;
 mod time_course;
 
 use crate::compress::method_parser;
-use crate::input::{TIMES_S, number};
-use crate::offline::OfflineArgs;
-use crate::out_of_use::OutOfUse;
-use crate::stdout;
+use crate::recordings::input::{TIMES_S, number};
+use crate::recordings::offline::OfflineArgs;
+use crate::recordings::out_of_use::OutOfUse;
 use crate::wrong_use;
 use anyhow::{Context, bail};
 use serde_json::json;
@@ -20,6 +19,7 @@ use taxel_hand::{Method, Profile};
 use taxel_playback::output_file::{OutputFile, refuse_overlap};
 use taxel_plot::Sheet;
 use taxel_record::FileKind;
+use taxeld::stdout;
 
 /// Draw what the first publication shows, from recordings: figures as SVG, their numbers as CSV beside them.
 ///

@@ -1,7 +1,7 @@
 //! One recording as figures need it: every frame, and which of them matter.
 
-use crate::input::Input;
-use crate::offline::OfflineArgs;
+use crate::recordings::input::Input;
+use crate::recordings::offline::OfflineArgs;
 use anyhow::{Context, bail};
 use taxel_compress::Compressor;
 use taxel_hand::{ForceFrame, Method, Profile, TactileFrame, TactileImage, did_you_mean};

@@ -3,10 +3,10 @@
 use super::angles::{FRESH_US, JointAngles};
 use super::says_enough;
 use super::touch::TactileFinger;
-use crate::control;
-use crate::live_lines::{Lines, every_frame};
+use crate::client::control;
+use crate::client::live_lines::{Lines, every_frame};
+use crate::client::reconnect::with_daemon;
 use crate::notices;
-use crate::reconnect::with_daemon;
 use anyhow::{Context, bail};
 use serde::Serialize;
 use serde_json::json;

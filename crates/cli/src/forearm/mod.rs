@@ -19,7 +19,6 @@ pub(crate) mod simulate;
 mod touch;
 mod with_touch;
 
-use crate::stdout;
 use crate::wrong_use;
 use anyhow::Context;
 use clap::Subcommand;
@@ -29,6 +28,7 @@ use std::fmt::Write as _;
 use std::path::{Path, PathBuf};
 use taxel_forearm::{Estimate, Estimator, Model, Session, Squeeze, Trial};
 use taxel_playback::output_file::{OutputFile, refuse_overlap};
+use taxeld::stdout;
 
 /// Say where on a forearm a gripper holds, from one squeeze.
 ///

@@ -1,6 +1,5 @@
 //! `taxel sim forearm`: a simulated forearm's touch on the socket of a pressure array, and servos that squeeze it.
 
-use crate::stdout;
 use crate::wrong_use;
 use anyhow::Context;
 use std::path::Path;
@@ -15,6 +14,7 @@ use taxel_sim::servo::{
     ForearmFinger, LinePty, Motion, SERVO_BAUD, ServoBuild, ServoBus, ServoPty, StableLink, servo_clock_ns,
 };
 use taxel_skin::Layout;
+use taxeld::stdout;
 
 /// What `taxel sim` calls it.
 pub(crate) const SCENE: &str = "forearm";

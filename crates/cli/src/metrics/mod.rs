@@ -8,7 +8,6 @@ mod text;
 
 use crate::everyday::Ask;
 use crate::seconds::seconds;
-use crate::stdout;
 use crate::{describe, notices};
 use anyhow::Context;
 use families::Format;
@@ -19,6 +18,7 @@ use std::sync::atomic::{AtomicBool, Ordering};
 use std::time::Duration;
 use taxel_playback::output_file::OutputFile;
 use taxel_wire::status::Status;
+use taxeld::stdout;
 
 /// Give the running daemon's counts and times to Prometheus and Grafana.
 ///

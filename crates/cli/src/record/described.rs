@@ -2,7 +2,7 @@
 //! connected to a daemon, since a recorder outlives many of them.
 
 use super::{Args, buses_of, buses_of_daemon, same_hand, status_of_daemon};
-use crate::input::DEFAULT_LAYOUT;
+use crate::recordings::input::DEFAULT_LAYOUT;
 use anyhow::Context;
 use std::collections::BTreeMap;
 use std::path::Path;

@@ -8,11 +8,10 @@ mod same_hand;
 pub(crate) use outcome::words;
 
 use self::described::preamble;
-use crate::control;
+use crate::client::control;
 use crate::notices;
 use crate::piped_file::text_parser;
 use crate::seconds::seconds;
-use crate::stdout;
 use crate::wrong_use;
 use anyhow::{Context, anyhow, bail};
 use serde_json::json;
@@ -30,6 +29,7 @@ use taxel_skin::Layout;
 use taxel_wire::Hello;
 use taxel_wire::status::{BusStatus, Status};
 use taxeld::Config;
+use taxeld::stdout;
 
 /// Times of a recording, seconds.
 const TIMES: RangeInclusive<f64> = 0.001..=1e6;

@@ -1,7 +1,7 @@
 //! INPUT: any recording the tool knows, and what to say about it where the file does not.
 
-use crate::assumed;
-use crate::magnitudes;
+use super::assumed;
+use super::magnitudes;
 use crate::piped_file::{layout_parser, recording_parser};
 use anyhow::{Context, bail};
 use std::cell::OnceCell;

@@ -1,6 +1,6 @@
 //! What is said of magnitudes that are read otherwise than they were meant.
 
-use crate::input::InputArgs;
+use super::input::InputArgs;
 use taxel_hand::plural;
 use taxel_record::Recording;
 use taxel_skin::Layout;

@@ -1,8 +1,8 @@
 //! Recordings as the frames that the daemon would have made of them.
 
-use crate::held_to_the_end::HeldToTheEnd;
-use crate::input::{DEFAULT_LAYOUT, Input, InputArgs, number, pair};
-use crate::magnitudes;
+use super::held_to_the_end::HeldToTheEnd;
+use super::input::{DEFAULT_LAYOUT, Input, InputArgs, number, pair};
+use super::magnitudes;
 use crate::offered::offering;
 use crate::piped_file::text_parser;
 use crate::wrong_use;

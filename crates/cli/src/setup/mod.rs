@@ -15,7 +15,6 @@ use crate::doctor::link::{self, LinkFacts};
 use crate::doctor::report::{Report, Style};
 use crate::doctor::scan::{self, Bus};
 use crate::seconds::seconds;
-use crate::stdout;
 use crate::wrong_use;
 use answers::{Answers, say};
 use anyhow::{Context, bail};
@@ -28,6 +27,7 @@ use std::time::Duration;
 use taxel_can::{AddressError, SourceAddress};
 use taxel_playback::interrupt::Interrupt;
 use taxel_skin::{Layout, Recognition};
+use taxeld::stdout;
 
 /// Boards that were heard, taken as they are: a hand of one's own.
 const NEW: &str = "new";

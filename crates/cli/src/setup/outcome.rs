@@ -3,7 +3,6 @@
 use super::answers::{Answers, say};
 use crate::config::text_for;
 use crate::doctor::{capacity, link};
-use crate::stdout;
 use anyhow::{Context, bail};
 use serde_json::{Value, json};
 use std::path::{Path, PathBuf};
@@ -11,6 +10,7 @@ use taxel_can::SourceAddress;
 use taxel_playback::output_file::{OutputFile, place};
 use taxel_skin::Layout;
 use taxeld::Config;
+use taxeld::stdout;
 
 /// The hand that was set up.
 #[derive(Debug)]

@@ -2,8 +2,8 @@
 
 use super::recorder::Recorder;
 use super::{GLANCE_S, Sheet, Source, lock, look, request_of, summary};
-use crate::control;
-use crate::reconnect::{PATIENCE, SAYS_NOTHING};
+use crate::client::control;
+use crate::client::reconnect::{PATIENCE, SAYS_NOTHING};
 use crate::terminal;
 use serde_json::Value;
 use std::path::{Path, PathBuf};

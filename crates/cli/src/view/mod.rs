@@ -5,9 +5,8 @@ mod recorder;
 mod recording;
 mod summary;
 
-use crate::offline::OfflineArgs;
+use crate::recordings::offline::OfflineArgs;
 use crate::seconds::seconds;
-use crate::stdout;
 use crate::terminal::{self, Shown};
 use anyhow::Context;
 use clap::error::ErrorKind;
@@ -27,6 +26,7 @@ use taxel_playback::interrupt::Interrupt;
 use taxel_playback::output_file::OutputFile;
 use taxel_playback::remarks::Remarks;
 use taxel_view::{Action, Heading, Palette, Screen, Seen, draw, svg};
+use taxeld::stdout;
 
 /// Without a terminal a daemon is looked at for so long.
 const GLANCE_S: f64 = 2.0;

@@ -1,8 +1,8 @@
 //! The hand of a recording, played in its own time.
 
 use super::{Sheet, Source, lock, look, summary};
-use crate::input::Input;
-use crate::offline::OfflineArgs;
+use crate::recordings::input::Input;
+use crate::recordings::offline::OfflineArgs;
 use crate::terminal;
 use anyhow::{Context, bail};
 use std::sync::{Arc, Condvar, Mutex, MutexGuard};

@@ -1,10 +1,10 @@
 //! What was seen in the end: a few lines for people, one object for programs.
 
-use crate::stdout;
 use anyhow::{Context, bail};
 use serde::Serialize;
 use serde_json::{Value, json};
 use taxel_view::{Seen, Summary};
+use taxeld::stdout;
 
 const NO_HAND: &str = "no description of a hand came";
 

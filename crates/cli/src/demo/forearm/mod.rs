@@ -4,7 +4,6 @@ mod view;
 
 use super::Args;
 use crate::forearm::simulate;
-use crate::stdout;
 use crate::terminal::{self, Shown};
 use crate::wrong_use;
 use anyhow::{Context, bail};
@@ -17,6 +16,7 @@ use taxel_playback::interrupt::Interrupt;
 use taxel_playback::remarks::Remarks;
 use taxel_sim::forearm::SimulatedForearm;
 use taxel_view::Palette;
+use taxeld::stdout;
 
 /// What the demo calls it.
 pub(super) const SCENE: &str = "forearm";

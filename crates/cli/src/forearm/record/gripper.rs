@@ -3,7 +3,7 @@
 use super::super::live::{BEGINS, ENDS, SAMPLE};
 use super::followed::Followed;
 use super::newest::{Joints, Newest};
-use crate::control::{self, Connection, Held};
+use crate::client::control::{self, Connection, Held};
 use anyhow::{Context, anyhow, bail};
 use serde_json::{Map, Value, json};
 use std::fmt;

@@ -6,9 +6,8 @@ mod lock;
 mod newest;
 mod plan;
 
-use crate::control::Held;
+use crate::client::control::Held;
 use crate::notices;
-use crate::stdout;
 use crate::wrong_use;
 use anyhow::{Context, bail};
 use gripper::Gripper;
@@ -21,6 +20,7 @@ use std::time::{Duration, Instant};
 use taxel_forearm::{FULL_PWM, PLACES, Ramp, Session, Squeeze, location_percent};
 use taxel_playback::interrupt::Interrupt;
 use taxel_playback::output_file::OutputFile;
+use taxeld::stdout;
 
 /// Record squeezes of a forearm: moves the gripper through the running daemon, and says what comes next.
 ///
