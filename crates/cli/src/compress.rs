@@ -1,11 +1,11 @@
 //! `taxel compress`: the daemon's compression, offline.
 
+use crate::errors::wrong_use;
 use crate::offered::offering;
 use crate::recordings::frame_output::{FrameFormat, FrameOutput};
 use crate::recordings::input::Input;
 use crate::recordings::offline::OfflineArgs;
 use crate::recordings::out_of_use::OutOfUse;
-use crate::wrong_use;
 use anyhow::bail;
 use clap::builder::{PathBufValueParser, TypedValueParser};
 use serde::Serialize;

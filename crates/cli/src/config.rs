@@ -98,7 +98,7 @@ pub(crate) fn run(args: &Args) -> anyhow::Result<()> {
                 Ok((config, text))
             });
             if args.json {
-                let error = checked.as_ref().err().map(crate::describe);
+                let error = checked.as_ref().err().map(crate::errors::describe);
                 let summary = checked.as_ref().ok().map(|(config, _)| config.summary());
                 let object = json!({ "valid": error.is_none(), "error": error, "summary": summary });
                 stdout::print(&format!("{object}\n"))?;

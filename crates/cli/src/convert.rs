@@ -1,10 +1,10 @@
 //! `taxel convert`: a recording in another format.
 
+use crate::errors::wrong_use;
 use crate::recordings::frame_output::{FrameFormat, FrameOutput};
 use crate::recordings::input::{DEFAULT_LAYOUT, Input};
 use crate::recordings::marks_file;
 use crate::recordings::offline::OfflineArgs;
-use crate::wrong_use;
 use anyhow::{Context, bail};
 use serde_json::json;
 use std::io::Write;

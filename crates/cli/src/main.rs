@@ -14,6 +14,7 @@ mod config;
 mod convert;
 mod demo;
 mod doctor;
+mod errors;
 mod eval;
 mod everyday;
 mod extension;
@@ -38,13 +39,11 @@ mod watch;
 mod wrap;
 
 use anyhow::Context;
-use clap::error::ErrorKind;
 use clap::{CommandFactory, Parser, Subcommand};
 use signal_hook::consts::SIGXFSZ;
 use std::ffi::OsString;
 use std::process::ExitCode;
 use std::sync::Arc;
-use taxel_playback::stand_in;
 use taxeld::stdout;
 
 /// Tactile images from robot skin: watch a running daemon, replay recordings, simulate a hand,
@@ -121,7 +120,7 @@ fn main() -> ExitCode {
     let code = outcome.unwrap_or_else(|error| match error.downcast_ref::<clap::Error>() {
         Some(wrong) => stdout::tell(wrong).unwrap_or(ExitCode::FAILURE),
         None => {
-            notices::say_last(&format!("taxel: {}", describe(&error)));
+            notices::say_last(&format!("taxel: {}", errors::describe(&error)));
             ExitCode::FAILURE
         }
     });
@@ -172,25 +171,6 @@ fn run() -> anyhow::Result<ExitCode> {
         Command::Doctor(_) => Ok(()),
     }?;
     Ok(ExitCode::SUCCESS)
-}
-
-/// Options that exclude each other, or a value that is none, where clap cannot tell: the exit code is 2.
-fn wrong_use(text: impl std::fmt::Display) -> anyhow::Error {
-    clap::Error::raw(ErrorKind::ValueValidation, format!("{text}\n")).into()
-}
-
-/// The error and its causes on one line, without those that the line already tells, and with the names that people know.
-fn describe(error: &anyhow::Error) -> String {
-    let mut text = String::new();
-    for cause in error.chain() {
-        let cause = stand_in::as_named(cause.to_string());
-        if text.is_empty() {
-            text = cause;
-        } else if !text.contains(&cause) {
-            text = format!("{text}: {cause}");
-        }
-    }
-    text
 }
 
 #[cfg(test)]
@@ -378,14 +358,5 @@ mod tests {
         }
         assert_eq!(taken, Vec::<String>::new());
         assert!(looked_at > 200, "{looked_at}");
-    }
-
-    #[test]
-    fn a_cause_is_not_told_twice() {
-        let inner = std::io::Error::other("no such device");
-        let error = anyhow::Error::new(inner).context("can0: no such device");
-        assert_eq!(describe(&error), "can0: no such device");
-        let error = anyhow::anyhow!("too short").context("frames.csv");
-        assert_eq!(describe(&error), "frames.csv: too short");
     }
 }

@@ -1,8 +1,8 @@
 //! `taxel replay`: a recording back onto a bus.
 
+use crate::errors::wrong_use;
 use crate::piped_file::text_parser;
 use crate::recordings::input::{DEFAULT_LAYOUT, Input, InputArgs, TIMES_S, number, pair};
-use crate::wrong_use;
 use anyhow::{anyhow, bail};
 use std::ops::Range;
 use std::path::{Path, PathBuf};

@@ -1,7 +1,7 @@
 //! `taxel servo`: torque and PWM of one servo, through the daemon.
 
 use crate::client::control;
-use crate::wrong_use;
+use crate::errors::wrong_use;
 use serde_json::json;
 use std::path::PathBuf;
 use taxeld::stdout;

@@ -1,12 +1,12 @@
 //! `taxel sim`: a scene on a real or virtual bus.
 
 use crate::client::scene_marks::SceneMarks;
+use crate::errors::wrong_use;
 use crate::forearm::play;
 use crate::notices;
 use crate::offered::offering;
 use crate::piped_file::layout_parser;
 use crate::seconds::seconds;
-use crate::wrong_use;
 use anyhow::{Context, anyhow, bail};
 use clap::builder::{StringValueParser, TypedValueParser};
 use serde_json::{Value, json};

@@ -9,9 +9,9 @@ mod sweep;
 mod touches;
 mod trial;
 
+use crate::errors::wrong_use;
 use crate::piped_file::recording_parser;
 use crate::recordings::input::number;
-use crate::wrong_use;
 use anyhow::{Context, bail};
 use clap::ValueEnum;
 use clap::builder::TypedValueParser;

@@ -46,7 +46,10 @@ pub(crate) fn with_daemon(
         match outcome {
             Err(error) if reconnect && is_gone(&error) => {
                 if !std::mem::replace(&mut is_waiting, true) {
-                    notices::say(&format!("taxel: {}; waiting for it", crate::describe(&error)));
+                    notices::say(&format!(
+                        "taxel: {}; waiting for it",
+                        crate::errors::describe(&error)
+                    ));
                 }
                 std::thread::sleep(LOOK);
             }

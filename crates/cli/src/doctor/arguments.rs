@@ -3,10 +3,10 @@
 use super::daemon::{self, Daemon};
 use super::hand_text::describe_hand;
 use super::scan;
+use crate::errors::wrong_use;
 use crate::piped_file::{layout_parser, source_parser, text_parser};
 use crate::recordings::input::DEFAULT_LAYOUT;
 use crate::seconds::seconds;
-use crate::wrong_use;
 use anyhow::{Context, anyhow, bail};
 use std::path::{Path, PathBuf};
 use std::time::Duration;

@@ -10,11 +10,11 @@ mod table;
 mod task;
 
 use crate::allocations::COUNTER;
+use crate::errors::wrong_use;
 use crate::piped_file;
 use crate::recordings::offline::{Held, OfflineArgs};
 use crate::recordings::out_of_use::OutOfUse;
 use crate::sim::recorded_scene_parser;
-use crate::wrong_use;
 use anyhow::{Context, bail};
 use serde::Serialize;
 use std::path::{Path, PathBuf};

@@ -2,8 +2,8 @@
 
 use super::table::{self, NAME, wrapped};
 use super::{Args, advice_on_forces};
+use crate::errors::wrong_use;
 use crate::recordings::offline::Held;
-use crate::wrong_use;
 use anyhow::{Context, bail};
 use serde::Serialize;
 use std::fmt::Write as _;

@@ -6,10 +6,10 @@ mod take;
 mod time_course;
 
 use crate::compress::method_parser;
+use crate::errors::wrong_use;
 use crate::recordings::input::{TIMES_S, number};
 use crate::recordings::offline::OfflineArgs;
 use crate::recordings::out_of_use::OutOfUse;
-use crate::wrong_use;
 use anyhow::{Context, bail};
 use serde_json::json;
 use std::fs;
@@ -88,7 +88,7 @@ pub(crate) fn run(args: &Args) -> anyhow::Result<()> {
             Ok(take) => overview.add(&take)?,
             Err(error) if args.names(path) => return Err(error),
             // A folder may hold other things.
-            Err(error) => remark!("taxel: left out: {}", crate::describe(&error)),
+            Err(error) => remark!("taxel: left out: {}", crate::errors::describe(&error)),
         }
     }
     if overview.is_empty() {

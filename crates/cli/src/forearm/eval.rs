@@ -6,7 +6,7 @@ use super::more::More;
 use super::network_args::NetworkArgs;
 use super::report;
 use super::with_touch::WithTouch;
-use crate::wrong_use;
+use crate::errors::wrong_use;
 #[cfg(feature = "networks")]
 use anyhow::Context;
 use clap::ValueEnum;

@@ -19,7 +19,7 @@ pub(crate) mod simulate;
 mod touch;
 mod with_touch;
 
-use crate::wrong_use;
+use crate::errors::wrong_use;
 use anyhow::Context;
 use clap::Subcommand;
 use serde::Serialize;
@@ -242,7 +242,7 @@ fn estimate(args: &EstimateArgs) -> anyhow::Result<()> {
         return Ok(());
     };
     for error in failed {
-        say!("taxel: {}", crate::describe(&error));
+        say!("taxel: {}", crate::errors::describe(&error));
     }
     Err(last)
 }

@@ -1,6 +1,6 @@
 //! `taxel sim forearm`: a simulated forearm's touch on the socket of a pressure array, and servos that squeeze it.
 
-use crate::wrong_use;
+use crate::errors::wrong_use;
 use anyhow::Context;
 use std::path::Path;
 use std::sync::Arc;

@@ -1,6 +1,6 @@
 //! `taxel forearm simulate`: a session of a simulated forearm, with touch.
 
-use crate::wrong_use;
+use crate::errors::wrong_use;
 use serde_json::json;
 use std::path::PathBuf;
 use taxel_forearm::{PLACES, Ramp, Session, Squeeze, Trial, location_percent};

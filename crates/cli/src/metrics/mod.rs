@@ -6,9 +6,10 @@ mod numbers;
 mod shared_ask;
 mod text;
 
+use crate::errors::describe;
 use crate::everyday::Ask;
+use crate::notices;
 use crate::seconds::seconds;
-use crate::{describe, notices};
 use anyhow::Context;
 use families::Format;
 use serde_json::json;

@@ -9,10 +9,10 @@ pub(crate) use outcome::words;
 
 use self::described::preamble;
 use crate::client::control;
+use crate::errors::wrong_use;
 use crate::notices;
 use crate::piped_file::text_parser;
 use crate::seconds::seconds;
-use crate::wrong_use;
 use anyhow::{Context, anyhow, bail};
 use serde_json::json;
 use signal_hook::consts::SIGUSR1;

@@ -1,6 +1,6 @@
 //! The buses that `--can` names, and what they are called in the recording.
 
-use crate::wrong_use;
+use crate::errors::wrong_use;
 use taxel_can::SourceAddress;
 use taxel_recorder::CanInput;
 

@@ -3,9 +3,9 @@
 use super::held_to_the_end::HeldToTheEnd;
 use super::input::{DEFAULT_LAYOUT, Input, InputArgs, number, pair};
 use super::magnitudes;
+use crate::errors::wrong_use;
 use crate::offered::offering;
 use crate::piped_file::text_parser;
-use crate::wrong_use;
 use anyhow::{Context, bail};
 use clap::builder::TypedValueParser;
 use std::ops::RangeInclusive;

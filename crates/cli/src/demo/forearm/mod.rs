@@ -3,9 +3,9 @@
 mod view;
 
 use super::Args;
+use crate::errors::wrong_use;
 use crate::forearm::simulate;
 use crate::terminal::{self, Shown};
-use crate::wrong_use;
 use anyhow::{Context, bail};
 use ratatui::Frame;
 use ratatui::crossterm::event::{KeyCode, KeyEvent, KeyEventKind, KeyModifiers};

@@ -7,8 +7,8 @@ mod newest;
 mod plan;
 
 use crate::client::control::Held;
+use crate::errors::wrong_use;
 use crate::notices;
-use crate::wrong_use;
 use anyhow::{Context, bail};
 use gripper::Gripper;
 use lock::Lock;
