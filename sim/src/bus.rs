@@ -88,57 +88,13 @@ impl Bus {
         index: u8,
     ) -> Result<Self, SceneError> {
         let present = present_modules(scene, layout)?;
-        let clock = skin.clock();
         let faults_of = |m: usize| faults_of_module(scene, layout, m);
         let plans = plans(scene, layout, seed, index, &present, faults_of)?;
         let boards = plans
             .into_iter()
             .map(|plan| Board::new(plan, scene.boards, seed))
             .collect();
-        let mut faults = Vec::new();
-        let mut injectors = Vec::new();
-        for fault in &scene.faults {
-            let FaultKind::Bus(kind) = fault.kind else {
-                continue;
-            };
-            if fault.bus.is_some_and(|b| b as usize >= layout.buses.len()) {
-                return Err(SceneError::Invalid {
-                    file: scene.file.clone(),
-                    line: fault.line,
-                    problem: format!(
-                        "`bus` is {}; the layout {} has {} buses, numbered from 0",
-                        fault.bus.unwrap_or(0),
-                        layout.name,
-                        layout.buses.len()
-                    ),
-                });
-            }
-            if fault.bus.is_some_and(|b| b != index) {
-                continue;
-            }
-            let inject = |frame, next, period_ns| Injector {
-                span: fault.span,
-                period_ns,
-                frame,
-                next,
-                next_ns: clock.next_periodic(fault.span, period_ns, 0),
-                waiting: false,
-            };
-            match kind {
-                BusFault::ErrorFrames { error, period_ns } => {
-                    let [frame, next] = error.frames().map(|(class, data)| CanFrame::error(class, data));
-                    injectors.push(inject(frame, next, period_ns));
-                }
-                BusFault::Babble { id, period_ns } => {
-                    for id in babbling_ids(scene, layout, fault, index, id)? {
-                        if let Ok(frame) = CanFrame::standard(id, &[0xBA; 8]) {
-                            injectors.push(inject(frame, frame, period_ns));
-                        }
-                    }
-                }
-                _ => faults.push((fault.span, kind)),
-            }
-        }
+        let (faults, injectors) = faults_of_bus(scene, layout, skin.clock(), index)?;
         let mut bus = Self {
             index,
             bit_ns: match layout.array_on(index.into()) {
@@ -420,6 +376,60 @@ fn faults_of_module(scene: &Scene, layout: &Layout, m: usize) -> Result<Vec<(Spa
         faults.push((fault.span, kind));
     }
     Ok(faults)
+}
+
+/// What the faults of a scene do to a bus, and what they send on it.
+fn faults_of_bus(
+    scene: &Scene,
+    layout: &Layout,
+    clock: SceneClock,
+    index: u8,
+) -> Result<(Vec<(Span, BusFault)>, Vec<Injector>), SceneError> {
+    let mut faults = Vec::new();
+    let mut injectors = Vec::new();
+    for fault in &scene.faults {
+        let FaultKind::Bus(kind) = fault.kind else {
+            continue;
+        };
+        if fault.bus.is_some_and(|b| b as usize >= layout.buses.len()) {
+            return Err(SceneError::Invalid {
+                file: scene.file.clone(),
+                line: fault.line,
+                problem: format!(
+                    "`bus` is {}; the layout {} has {} buses, numbered from 0",
+                    fault.bus.unwrap_or(0),
+                    layout.name,
+                    layout.buses.len()
+                ),
+            });
+        }
+        if fault.bus.is_some_and(|b| b != index) {
+            continue;
+        }
+        let inject = |frame, next, period_ns| Injector {
+            span: fault.span,
+            period_ns,
+            frame,
+            next,
+            next_ns: clock.next_periodic(fault.span, period_ns, 0),
+            waiting: false,
+        };
+        match kind {
+            BusFault::ErrorFrames { error, period_ns } => {
+                let [frame, next] = error.frames().map(|(class, data)| CanFrame::error(class, data));
+                injectors.push(inject(frame, next, period_ns));
+            }
+            BusFault::Babble { id, period_ns } => {
+                for id in babbling_ids(scene, layout, fault, index, id)? {
+                    if let Ok(frame) = CanFrame::standard(id, &[0xBA; 8]) {
+                        injectors.push(inject(frame, frame, period_ns));
+                    }
+                }
+            }
+            _ => faults.push((fault.span, kind)),
+        }
+    }
+    Ok((faults, injectors))
 }
 
 /// The ids that a babble floods this bus with: its own, or those of the first taxels of the boards it is on.
