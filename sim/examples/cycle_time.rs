@@ -1,7 +1,7 @@
 //! How long a cycle of 16 servos takes against its time on the wire (docs/protocols.md, "Dynamixel cycle"),
 //! on the simulated bus.
 //!
-//!     cargo run --release -p taxel-joints --example cycle_time
+//!     cargo run --release -p taxel-sim --example cycle_time
 
 use std::error::Error;
 use taxel_joints::bus::{Bus, wire_ns};
