@@ -4,7 +4,7 @@ use crate::kind::Kind;
 use crate::names::board_name;
 use crate::problem::{Place, Problem};
 use crate::view::Look;
-use taxel_can::SourceAddress;
+use taxel_can::{ArrayCounters, SourceAddress};
 use taxel_skin::{BoardState, Layout};
 
 /// Arrays send a few frames a second: one is silent after this long, nanoseconds.
@@ -19,37 +19,12 @@ pub(crate) fn judge(look: &Look<'_>, index: usize, found: &mut Vec<Problem>) {
     }
     let name = &look.setup.layout.buses[index];
     let (now, before) = (&look.view.buses[index].counters.array, &look.before[index].array);
-    let [rows, columns] = look.setup.layout.array_on(index).unwrap_or_default();
+    let size = look.setup.layout.array_on(index).unwrap_or_default();
     let mut report = |kind, what: String, advice: &str, over: &str| {
         let (what, over) = (format!("{name}: {what}"), format!("{name}: {over}"));
         found.push(Problem::new(kind, Place::Bus(index), what, advice, over));
     };
-    let refused = now.refused() - before.refused();
-    if refused > 0 {
-        let [other_rows, other_columns] = now.other_size;
-        let (what, advice) = match () {
-            () if now.size > before.size => (
-                format!(
-                    "frames of {other_rows} x {other_columns} are refused; the array has {rows} x {columns}"
-                ),
-                "send rows x columns as the layout has them, or mend the layout",
-            ),
-            () if now.torn > before.torn => (
-                format!(
-                    "frames with too few or too many counts are refused; {rows} x {columns} have {}",
-                    u32::from(rows) * u32::from(columns)
-                ),
-                "each count is two bytes, least significant first",
-            ),
-            () if now.version > before.version => (
-                "frames of another version are refused".into(),
-                "the version is the fifth byte, 1 (docs/protocols.md, \"Pressure arrays\")",
-            ),
-            () => (
-                "what is sent there is no frame of a pressure array".into(),
-                "see docs/protocols.md, \"Pressure arrays\"; does another program send to this socket?",
-            ),
-        };
+    if let Some((what, advice)) = refused(now, before, size) {
         report(Kind::ArrayRefused, what, advice, "nothing is refused any more");
     }
     if now.restarts - before.restarts >= SENDERS {
@@ -96,6 +71,39 @@ pub(crate) fn judge(look: &Look<'_>, index: usize, found: &mut Vec<Problem>) {
             "frames come in time",
         );
     }
+}
+
+/// Why frames were refused, and what to do; `None` where none was.
+fn refused(
+    now: &ArrayCounters,
+    before: &ArrayCounters,
+    [rows, columns]: [u16; 2],
+) -> Option<(String, &'static str)> {
+    if now.refused() == before.refused() {
+        return None;
+    }
+    let [other_rows, other_columns] = now.other_size;
+    Some(match () {
+        () if now.size > before.size => (
+            format!("frames of {other_rows} x {other_columns} are refused; the array has {rows} x {columns}"),
+            "send rows x columns as the layout has them, or mend the layout",
+        ),
+        () if now.torn > before.torn => (
+            format!(
+                "frames with too few or too many counts are refused; {rows} x {columns} have {}",
+                u32::from(rows) * u32::from(columns)
+            ),
+            "each count is two bytes, least significant first",
+        ),
+        () if now.version > before.version => (
+            "frames of another version are refused".into(),
+            "the version is the fifth byte, 1 (docs/protocols.md, \"Pressure arrays\")",
+        ),
+        () => (
+            "what is sent there is no frame of a pressure array".into(),
+            "see docs/protocols.md, \"Pressure arrays\"; does another program send to this socket?",
+        ),
+    })
 }
 
 /// How old a value is when it is stale, nanoseconds; `None` where the boards' periods are still to be measured.
