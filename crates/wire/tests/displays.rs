@@ -10,6 +10,7 @@ use std::path::{Path, PathBuf};
 use std::process::{Child, ChildStdout, Command, Stdio};
 use taxel_hand::{Actuator, TactileImage};
 use taxel_wire::{Event, EventKind};
+use tempfile::TempDir;
 
 fn here(path: &str) -> PathBuf {
     Path::new(env!("CARGO_MANIFEST_DIR")).join(path)
@@ -116,30 +117,39 @@ fn python() -> Option<Command> {
     })
 }
 
-#[test]
-fn the_display_in_c_lets_go_when_images_stop() {
+/// A program in C, compiled into a folder of its own; `None`, and said, where no compiler is there.
+fn in_c(source: &str) -> Option<(TempDir, Command)> {
     let dir = tempfile::tempdir().unwrap();
-    let program = dir.path().join("display");
-    if c_program::compile("../../examples/display.c", &program).is_none() {
-        return;
-    }
-    let daemon = FakeDaemon::new();
-    let mut display = Command::new(program);
-    display.arg(daemon.path());
-    behaves(&daemon, Driver::start(display));
+    let program = dir.path().join("program");
+    c_program::compile(source, &program)?;
+    Some((dir, Command::new(program)))
 }
 
-#[test]
-fn the_display_in_rust_lets_go_when_images_stop() {
-    // Examples are built with the tests, beside the folder of these.
+/// The example in Rust. Examples are built with the tests, beside the folder of these.
+fn in_rust() -> Command {
     let tests = std::env::current_exe().unwrap();
     let program = tests.parent().unwrap().with_file_name("examples").join("display");
     assert!(
         program.exists(),
         "cargo build -p taxel-wire --examples makes {program:?}"
     );
+    Command::new(program)
+}
+
+#[test]
+fn the_display_in_c_lets_go_when_images_stop() {
+    let Some((_dir, mut display)) = in_c("../../examples/display.c") else {
+        return;
+    };
     let daemon = FakeDaemon::new();
-    let mut display = Command::new(program);
+    display.arg(daemon.path());
+    behaves(&daemon, Driver::start(display));
+}
+
+#[test]
+fn the_display_in_rust_lets_go_when_images_stop() {
+    let daemon = FakeDaemon::new();
+    let mut display = in_rust();
     display.arg(daemon.path());
     behaves(&daemon, Driver::start(display));
 }
@@ -166,13 +176,9 @@ fn drivers_say_how_they_are_run() {
         );
         assert!(!said.contains("Traceback"), "{said}");
     };
-    let tests = std::env::current_exe().unwrap();
-    let in_rust = tests.parent().unwrap().with_file_name("examples").join("display");
-    says(Command::new(in_rust), "usage: display SOCKET");
-    let dir = tempfile::tempdir().unwrap();
-    let in_c = dir.path().join("display");
-    if c_program::compile("../../examples/display.c", &in_c).is_some() {
-        says(Command::new(in_c), "display SOCKET, such as");
+    says(in_rust(), "usage: display SOCKET");
+    if let Some((_dir, display)) = in_c("../../examples/display.c") {
+        says(display, "display SOCKET, such as");
     }
     let Some(mut in_python) = python() else {
         println!("SKIPPED: no python3 on this machine; examples/display.py was NOT run");
@@ -250,9 +256,7 @@ fn ends_with_its_reader(mut program: Command) {
 
 #[test]
 fn drivers_and_readers_end_quietly_when_nobody_reads_their_output() {
-    let tests = std::env::current_exe().unwrap();
-    let in_rust = tests.parent().unwrap().with_file_name("examples").join("display");
-    ends_with_its_reader(Command::new(in_rust));
+    ends_with_its_reader(in_rust());
     for script in ["../../examples/display.py", "python/taxel_reader.py"] {
         let Some(mut python) = python() else {
             println!("SKIPPED: no python3 on this machine; {script} was NOT run");
@@ -294,13 +298,10 @@ fn the_python_reader_waits_in_a_process_with_many_open_files() {
 
 #[test]
 fn a_daemon_that_leaves_with_a_subscription_unread_has_closed_the_connection_in_c_too() {
-    let dir = tempfile::tempdir().unwrap();
-    let program = dir.path().join("leaves");
-    if c_program::compile("tests/leaves.c", &program).is_none() {
+    let Some((_dir, mut leaves)) = in_c("tests/leaves.c") else {
         return;
-    }
+    };
     let daemon = FakeDaemon::new();
-    let mut leaves = Command::new(program);
     leaves.arg(daemon.path());
     let mut driver = Driver::start(leaves);
     assert_eq!(driver.line(), "subscribed");
@@ -310,13 +311,10 @@ fn a_daemon_that_leaves_with_a_subscription_unread_has_closed_the_connection_in_
 
 #[test]
 fn who_is_let_go_before_it_subscribes_is_told_why_in_c_too() {
-    let dir = tempfile::tempdir().unwrap();
-    let program = dir.path().join("leaves");
-    if c_program::compile("tests/leaves.c", &program).is_none() {
+    let Some((_dir, mut leaves)) = in_c("tests/leaves.c") else {
         return;
-    }
+    };
     let daemon = FakeDaemon::new();
-    let mut leaves = Command::new(program);
     leaves.arg(daemon.path()).arg("late");
     let mut driver = Driver::start(leaves);
     let client = daemon.accept();
@@ -344,10 +342,7 @@ fn no_reader_follows_a_socket_in_a_folder_of_a_user_that_another_user_owns() {
         .arg(&socket)
         .output()
         .unwrap();
-    let dir = tempfile::tempdir().unwrap();
-    let program = dir.path().join("leaves");
-    let c = c_program::compile("tests/leaves.c", &program)
-        .map(|()| Command::new(program).arg(&socket).output().unwrap());
+    let c = in_c("tests/leaves.c").map(|(_dir, mut leaves)| leaves.arg(&socket).output().unwrap());
     std::fs::remove_dir_all(&folder).unwrap();
 
     let error = rust.unwrap_err().to_string();
