@@ -1,10 +1,11 @@
 //! Which reader reads which file.
 
+use crate::csv;
 use crate::error::RecordError;
 use crate::kind::FileKind;
+use crate::numpy::{npy, npz};
 use crate::recording::Recording;
 use crate::table::{RATES_HZ, ReadOptions, Void};
-use crate::{csv, npy, npz};
 use std::path::Path;
 
 impl Recording {
