@@ -19,6 +19,20 @@ fn pressed_counts(frames: usize, taxels: usize) -> Array3<u16> {
     })
 }
 
+/// Some frames of forces of 4 x 4 taxels, as `forces.npy`.
+fn write_forces(dir: &TempDir, frames: usize) {
+    let force = |(t, y, x)| (1 + (4 * y + x) * (t + 1) % 11) as f64;
+    let forces = Array3::from_shape_fn((frames, 4, 4), force);
+    ndarray_npy::write_npy(dir.path().join("forces.npy"), &forces).unwrap();
+}
+
+/// Judged with as few runs as there can be.
+const QUICK: [&str; 4] = ["--restarts", "1", "--passes", "1"];
+
+fn quickly(dir: &TempDir, args: &[&str]) -> (String, String) {
+    succeeds(dir, &[&["eval"], args, &QUICK].concat())
+}
+
 #[test]
 fn eval_prints_the_object_of_the_contract() {
     let dir = TempDir::new().unwrap();
@@ -120,18 +134,7 @@ fn eval_takes_magnitudes_and_scenes_and_methods_and_writes_tables() {
         "{csv}"
     );
 
-    let scene = [
-        "eval",
-        "sim:tap",
-        "--method",
-        "optimal",
-        "--json",
-        "--restarts",
-        "1",
-        "--passes",
-        "1",
-    ];
-    let (out, _) = succeeds(&dir, &scene);
+    let (out, _) = quickly(&dir, &["sim:tap", "--method", "optimal", "--json"]);
     let report: Value = serde_json::from_str(&out).unwrap();
     assert!(
         report["contact_truth"]["precision"].as_f64().unwrap() > 0.9,
@@ -171,8 +174,7 @@ fn one_frame_has_no_rate() {
     let frame = Array3::from_shape_fn((1, 4, 4), |(_, y, x)| (4 * y + x) as f64);
     ndarray_npy::write_npy(dir.path().join("one.npy"), &frame).unwrap();
     for every in [&[][..], &["--all"]] {
-        let args = [&["eval", "one.npy", "--restarts", "1", "--passes", "1"], every].concat();
-        let (out, _) = succeeds(&dir, &args);
+        let (out, _) = quickly(&dir, &[&["one.npy"], every].concat());
         assert!(
             out.contains("one.npy: 1 frame of 16 taxels, 1 with contact"),
             "{out}"
@@ -183,8 +185,7 @@ fn one_frame_has_no_rate() {
 #[test]
 fn the_main_table_fits_a_terminal_and_begins_with_a_verdict() {
     let dir = TempDir::new().unwrap();
-    let quick = ["--restarts", "1", "--passes", "1"];
-    let (out, _) = succeeds(&dir, &[&["eval", "sim:ball-grasp"], &quick[..]].concat());
+    let (out, _) = quickly(&dir, &["sim:ball-grasp"]);
     let first = out.lines().next().unwrap();
     assert!(
         first.starts_with("`optimal` shows forces with an error of") && out.contains("times that of `paper`"),
@@ -212,8 +213,7 @@ fn the_main_table_fits_a_terminal_and_begins_with_a_verdict() {
 fn a_method_named_alone_has_its_own_conditioning_and_methods_together_have_one() {
     let dir = TempDir::new().unwrap();
     let conditioning = |methods: &[&str]| {
-        let quick = ["eval", "sim:tap", "--restarts", "1", "--passes", "1", "--json"];
-        let (out, _) = succeeds(&dir, &[&quick[..], methods].concat());
+        let (out, _) = quickly(&dir, &[&["sim:tap", "--json"], methods].concat());
         let report: Value = serde_json::from_str(&out).unwrap();
         report["conditioning"].as_str().unwrap().to_string()
     };
@@ -235,8 +235,7 @@ fn a_method_named_alone_has_its_own_conditioning_and_methods_together_have_one()
 #[test]
 fn a_configuration_that_excludes_usual_methods_is_judged_by_the_others() {
     let dir = TempDir::new().unwrap();
-    let forces = Array3::from_shape_fn((6, 4, 4), |(t, y, x)| (1 + (4 * y + x) * (t + 1) % 11) as f64);
-    ndarray_npy::write_npy(dir.path().join("forces.npy"), &forces).unwrap();
+    write_forces(&dir, 6);
     objects(&dir.path().join("objects.npz"));
     let steps = "level_steps = \"weber\"\nforce_min = 1.0\nforce_max = 80.0\n";
     let codebook = "codebook = [1.0, 2.0, 5.0, 9.0]\n";
@@ -258,17 +257,8 @@ fn a_configuration_that_excludes_usual_methods_is_judged_by_the_others() {
             format!("{buses}[profile]\n{profile}"),
         )
         .unwrap();
-        let quick = [
-            "--restarts",
-            "1",
-            "--passes",
-            "1",
-            "--config",
-            "own.toml",
-            "--layout",
-            "grid:4x4",
-        ];
-        let (out, err) = succeeds(&dir, &[&["eval", "forces.npy"], &quick[..]].concat());
+        let args = ["forces.npy", "--config", "own.toml", "--layout", "grid:4x4"];
+        let (out, err) = quickly(&dir, &args);
         assert!(
             out.starts_with("`optimal` shows forces with an error of"),
             "{profile}: {out}"
@@ -294,17 +284,19 @@ fn a_configuration_that_excludes_usual_methods_is_judged_by_the_others() {
 #[test]
 fn places_are_judged_in_the_coordinates_in_which_they_are_chosen() {
     let dir = TempDir::new().unwrap();
-    let forces = Array3::from_shape_fn((4, 4, 4), |(t, y, x)| (1 + (4 * y + x) * (t + 1) % 11) as f64);
-    ndarray_npy::write_npy(dir.path().join("forces.npy"), &forces).unwrap();
+    write_forces(&dir, 4);
     let quick = [
-        "eval",
-        "forces.npy",
-        "--layout",
-        "uskin-module",
-        "--actuators",
-        "4",
-    ];
-    let quick = [&quick[..], &["--restarts", "1", "--passes", "1"]].concat();
+        &[
+            "eval",
+            "forces.npy",
+            "--layout",
+            "uskin-module",
+            "--actuators",
+            "4",
+        ],
+        &QUICK[..],
+    ]
+    .concat();
     let hand = ["--method", "optimal coordinates=hand"];
     let report: Value =
         serde_json::from_str(&succeeds(&dir, &[&quick[..], &hand, &["--json"]].concat()).0).unwrap();
@@ -328,25 +320,15 @@ fn places_are_judged_in_the_coordinates_in_which_they_are_chosen() {
 #[test]
 fn a_method_that_a_configuration_makes_the_same_as_another_is_judged_once() {
     let dir = TempDir::new().unwrap();
-    let forces = Array3::from_shape_fn((6, 4, 4), |(t, y, x)| (1 + (4 * y + x) * (t + 1) % 11) as f64);
-    ndarray_npy::write_npy(dir.path().join("forces.npy"), &forces).unwrap();
+    write_forces(&dir, 6);
     for (profile, same) in [("levels = 4", false), ("codebook = [1.0, 2.0, 5.0, 9.0]", true)] {
         std::fs::write(
             dir.path().join("own.toml"),
             format!("layout = \"uskin-module\"\n[[bus]]\nsource = \"can:can0\"\n[profile]\n{profile}\n"),
         )
         .unwrap();
-        let args = [
-            "eval",
-            "forces.npy",
-            "--restarts",
-            "1",
-            "--passes",
-            "1",
-            "--config",
-            "own.toml",
-        ];
-        let (out, err) = succeeds(&dir, &[&args[..], &["--layout", "grid:4x4"]].concat());
+        let args = ["forces.npy", "--config", "own.toml", "--layout", "grid:4x4"];
+        let (out, err) = quickly(&dir, &args);
         let has_row = |name: &str| out.lines().any(|line| line.starts_with(name));
         assert!(
             has_row("paper placement=follow ") && has_row("optimal codebook=learned "),
@@ -367,8 +349,7 @@ fn the_tables_of_every_figure_are_no_wider_than_their_help_says() {
     let help = help.split_whitespace().collect::<Vec<_>>().join(" ");
     let width = help.split("in tables of up to ").nth(1).unwrap();
     let width: usize = width.split(' ').next().unwrap().parse().unwrap();
-    let args = ["eval", "sim:tap", "--all", "--restarts", "1", "--passes", "1"];
-    let (all, _) = succeeds(&dir, &args);
+    let (all, _) = quickly(&dir, &["sim:tap", "--all"]);
     let widest = all.lines().map(|line| line.chars().count()).max().unwrap();
     assert_eq!(widest, width, "{all}");
 }
