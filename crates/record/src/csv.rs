@@ -28,10 +28,10 @@ const MAX_COLUMNS: usize = 200_000;
 /// lines before do not say which that is, it is one of them that [`ReadOptions::columns`] needs for threes. Columns called
 /// `{board}B{taxel}X`, `..Y`, `..Z`, with or without a leading `{finger}F` (docs/protocols.md, "uSkin on a hand"), are raw
 /// counts: taxels are numbered by finger, board and taxel, whatever the order of the columns. Columns called `J{n}`,
-/// `joint{n}` or `joint_{n}` are joint angles, radians, in the order of their numbers. The first column called `time`,
-/// `timestamp` or `elapsed`, or one called `t` behind none but numbers of frames, is time in seconds, as
-/// [`Recording::unitless_time`](crate::Recording::unitless_time) tells; the suffixes `_s`, `_ms`, `_us` and `_ns` say which
-/// unit it is. Other columns of time, and those that count frames, are left out
+/// `joint{n}` or `joint_{n}` are joint angles, radians, in the order of their numbers. The first column whose name says
+/// no more than that it is time (`crate::clock_name`), where `t` has to be behind none but numbers of frames, is the time of
+/// a frame, in seconds where the name has no unit, as
+/// [`Recording::unitless_time`](crate::Recording::unitless_time) tells. Other columns of time, and those that count frames, are left out
 /// ([`Recording::left_out_columns`](crate::Recording::left_out_columns)). Where most names are in threes x, y and z of a
 /// taxel, as `txl1_x`, `Bx1` or `x_1`, all are raw counts, too, of taxels in the order of the columns, but of the number
 /// where that is all by which their names differ. Any other header, and none, leaves plain numbers, of which the last may
@@ -205,7 +205,14 @@ impl Frames {
         }
         if let Some((time, unit)) = self.meaning.time {
             let time_ns = time_ns(&record[time], row[time], unit);
-            let no_time = || format!("{} is no time from 0 on", row[time]);
+            let no_time = || match (row[time], self.meaning.unitless.is_some()) {
+                (late, true) if late > 1e10 => format!(
+                    "{late} is no time in seconds, which a column {:?} is taken for; say its unit: --time-column {}",
+                    self.meaning.unitless.as_deref().unwrap_or_default(),
+                    unit_since_1970(late)
+                ),
+                (time, _) => format!("{time} is no time from 0 on"),
+            };
             self.times_ns.push(time_ns.ok_or_else(no_time)?);
         }
         let columns = self.meaning.resolve(expected)?;
@@ -355,11 +362,21 @@ fn number(column: usize, bytes: &[u8]) -> Result<f64, String> {
             [a, b, c, d, b'-', ..] if [a, b, c, d].iter().all(|digit| digit.is_ascii_digit()) => {
                 ", but a date; times are numbers: in pandas t = pandas.to_datetime(df.NAME); df.NAME = (t - t[0]).dt.total_seconds()"
             }
+            [b'[', ..] => ", a list; write its values to columns of their own: in pandas pandas.DataFrame(df.NAME.tolist())",
             _ if text.contains(',') => "; decimals are written with a point",
             _ => "",
         };
         format!("column {} is {text:?}, {NO_NUMBER}{advice}", column + 1)
     })
+}
+
+/// The unit in which a clock of these years is at a number beyond its seconds.
+fn unit_since_1970(number: f64) -> &'static str {
+    match number {
+        ..1e14 => "ms",
+        ..1e17 => "us",
+        _ => "ns",
+    }
 }
 
 /// The time of a cell that holds this number. Nanoseconds since 1970 are more than a number of 53 bits can hold, in

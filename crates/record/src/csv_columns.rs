@@ -1,5 +1,6 @@
 //! What the columns of a csv file are.
 
+use crate::clock_name::{ClockName, in_two_columns, last_part};
 use crate::csv_axes::named_axes;
 use crate::table::{ColumnNames, ReadOptions, TimeUnit};
 use csv::ByteRecord;
@@ -56,19 +57,31 @@ impl LineColumns {
     /// By the names of a header.
     pub(crate) fn of_header(record: &ByteRecord, options: &ReadOptions) -> Result<Self, String> {
         let names = record.iter().map(cell).collect::<Result<Vec<&str>, String>>()?;
+        if let Some([seconds, rest]) = in_two_columns(&names).filter(|_| options.time_column.is_none()) {
+            return Err(format!(
+                "times are in two columns, {seconds:?} and {rest:?}; make one of them: in pandas \
+                 df.insert(0, \"t\", df[{seconds:?}] - df[{seconds:?}][0] + df[{rest:?}] / 1e9), and drop both"
+            ));
+        }
         let Split {
             counters,
             times,
             rest,
         } = Split::of(&names, options);
-        let time = times.first().copied().and_then(|column| {
-            let unit = options.time_column.or_else(|| named_unit(names[column]));
-            Some((column, unit?))
+        let clock = |column: &usize| ClockName::of(names[*column]);
+        let is_plain = |column: &&usize| clock(column).is_some_and(|clock| clock.is_plain);
+        let column = times.iter().find(is_plain).or(times.first()).copied();
+        let time = column.and_then(|column| {
+            let named = clock(&column).map(|clock| clock.unit.unwrap_or(TimeUnit::S));
+            Some((column, options.time_column.or(named)?))
         });
-        let unitless = time
-            .map(|(column, _)| names[column])
-            .filter(|name| options.time_column.is_none() && (is_unitless(name) || is_elapsed(name)));
-        let mut left_out: Vec<usize> = counters.into_iter().chain(times.into_iter().skip(1)).collect();
+        let unitless = column
+            .filter(|column| {
+                options.time_column.is_none() && clock(column).is_some_and(|clock| clock.unit.is_none())
+            })
+            .map(|column| names[column]);
+        let other_times = times.into_iter().filter(|other| Some(*other) != column);
+        let mut left_out: Vec<usize> = counters.into_iter().chain(other_times).collect();
         left_out.sort_unstable();
         let mut joints: BTreeMap<u32, usize> = BTreeMap::new();
         let mut skin = Vec::new();
@@ -180,7 +193,7 @@ impl Split {
         let first = all().find(|column| !counts_frames(column));
         let is_time = |column: &usize| {
             let may_be = !names[*column].eq_ignore_ascii_case("t") || Some(*column) == first;
-            may_be && named_unit(names[*column]).is_some()
+            may_be && ClockName::of(names[*column]).is_some()
         };
         // Where no name is of time, one is, if that is said: the first; a number of the frame only where none is called t.
         let said = match options.time_column.is_some() && !all().any(|column| is_time(&column)) {
@@ -224,15 +237,6 @@ fn counts(skin: &[usize], axes: &[Option<Axis>], names: &[&str]) -> Result<Vec<u
     Ok(order)
 }
 
-/// The unit of a column that says by its name that it is time.
-fn named_unit(name: &str) -> Option<TimeUnit> {
-    time_unit(name).or(is_elapsed(name).then_some(TimeUnit::S))
-}
-
-fn is_elapsed(name: &str) -> bool {
-    name.eq_ignore_ascii_case("elapsed")
-}
-
 /// Whether a column of this name counts frames.
 fn is_counter(column: usize, name: &str) -> bool {
     const NAMES: [&str; 7] = [
@@ -244,7 +248,7 @@ fn is_counter(column: usize, name: &str) -> bool {
         "seq",
         "sequence",
     ];
-    is_unnamed(column, name) || NAMES.contains(&name.to_ascii_lowercase().as_str())
+    is_unnamed(column, name) || NAMES.contains(&last_part(&name.to_ascii_lowercase()))
 }
 
 /// Whether it is the column that pandas writes first without a name, or what it calls that when it has read it.
@@ -254,23 +258,6 @@ fn is_unnamed(column: usize, name: &str) -> bool {
 
 fn no_taxel(columns: usize, joints: usize) -> String {
     format!("{columns} columns, of which {joints} are joint angles (--joint-columns); there is no taxel")
-}
-
-/// Names that say that a column is time, and not in which unit: seconds.
-pub(crate) fn is_unitless(name: &str) -> bool {
-    ["t", "time", "timestamp"].contains(&name.to_ascii_lowercase().as_str())
-}
-
-/// Whether a name says that what is called so is time, and in which unit.
-pub(crate) fn time_unit(name: &str) -> Option<TimeUnit> {
-    match name.to_ascii_lowercase().as_str() {
-        "t_s" | "time_s" => Some(TimeUnit::S),
-        "t_ms" | "time_ms" => Some(TimeUnit::Ms),
-        "t_us" | "time_us" => Some(TimeUnit::Us),
-        "t_ns" | "time_ns" => Some(TimeUnit::Ns),
-        _ if is_unitless(name) => Some(TimeUnit::S),
-        _ => None,
-    }
 }
 
 /// The number of the joint whose angle a column of this name holds.

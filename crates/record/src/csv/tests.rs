@@ -284,6 +284,22 @@ fn errors_name_the_line() {
         ("0B0X,0B0Y\n1,2\n", &none, ":1: taxel 0B0 has no column Z"),
         ("0B0X,0B0Y,0B0Z\n1,2,3\n", &columns, ":1: the header names"),
         ("t,a\n-1,2\n", &none, ":2: -1 is no time"),
+        (
+            "timestamp,a\n1581072654214,2\n",
+            &none,
+            ":2: 1581072654214 is no time in seconds, which a column \"timestamp\" is taken for; say its unit: --time-column ms",
+        ),
+        ("t,a\n1581072654214000000,2\n", &none, "--time-column ns"),
+        (
+            "secs,nsecs,a\n1,2,3\n",
+            &none,
+            ":1: times are in two columns, \"secs\" and \"nsecs\"",
+        ),
+        (
+            "t,a\n1,\"[2, 3]\"\n",
+            &none,
+            "a list; write its values to columns",
+        ),
         ("0B0X,0B0Y,0B0Z\n1,2,70000\n", &none, "70000"),
         ("1,2\n3,nan\n", &none, "frame 1, taxel 1"),
     ] {
@@ -334,6 +350,19 @@ fn columns_that_are_no_taxels_are_left_out_and_told() {
         ("frame,a,ts,b\n7,1,0.5,2\n8,3,1.5,4\n", &seconds, &["frame"]),
         (",frame,a,b\n0,0.5,1,2\n1,1.5,3,4\n", &seconds, &[""]),
         ("frame,a,b\n0.5,1,2\n1.5,3,4\n", &seconds, &[]),
+        // What PlotJuggler, `rostopic echo -p` and measuring programs call theirs.
+        ("__time,a,b\n0.5,1,2\n1.5,3,4\n", &none, &[]),
+        (
+            "%time,field.header.seq,field.header.stamp,a,b\n500000000,7,3,1,2\n1500000000,8,4,3,4\n",
+            &none,
+            &["field.header.seq", "field.header.stamp"],
+        ),
+        ("Time [ms],a,b\n500,1,2\n1500,3,4\n", &none, &[]),
+        (
+            "grasp_time,a,time,b\n9,1,0.5,2\n9,3,1.5,4\n",
+            &none,
+            &["grasp_time"],
+        ),
     ] {
         let recording = read_text(text, options).unwrap();
         assert_eq!(recording.magnitudes(1).unwrap(), [3.0, 4.0], "{text:?}");

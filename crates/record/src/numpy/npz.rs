@@ -1,7 +1,7 @@
 //! Arrays of numpy's `.npz`: a zip archive of npy files.
 
 use super::npy::Array;
-use crate::csv_columns::{is_unitless, time_unit};
+use crate::clock_name::ClockName;
 use crate::error::{RecordError, show_shape};
 use crate::meaning::Meaning;
 use crate::table::{ColumnNames, ReadOptions, Table, TimeUnit, Void};
@@ -95,10 +95,8 @@ pub(crate) fn read(path: &Path, options: &ReadOptions) -> Result<Table, RecordEr
 
 /// The unit of the times that an array of this name gives, where the name says one; none where it gives no times.
 fn time_of_name(name: &str) -> Option<Option<TimeUnit>> {
-    match is_unitless(name.strip_suffix('s').unwrap_or(name)) {
-        true => Some(None),
-        false => time_unit(name).map(Some),
-    }
+    let clock = ClockName::of(name).or_else(|| ClockName::of(name.strip_suffix('s')?))?;
+    clock.is_plain.then_some(clock.unit)
 }
 
 fn unit_of_name(name: &str) -> Option<TimeUnit> {
