@@ -5,7 +5,7 @@ import subprocess
 import numpy as np
 import pytest
 import taxel_reader
-from following_actuators import Follower, heights
+from following_actuators import Follower, heights, next_of
 from harness.daemon import binary
 
 
@@ -65,12 +65,13 @@ def walks(rows, columns, every):
 def where_the_recipe_puts_them(folder, frames, actuators):
     """Checks the actuators of every frame; returns the images."""
     follower = Follower(actuators)
+    neighbours = next_of([(x, y) for y in range(frames.shape[1]) for x in range(frames.shape[2])])
     made = images(folder, frames, actuators)
     assert len(made) == len(frames)
     for i, (image, force) in enumerate(zip(made, frames)):
         y, x = np.nonzero(force > 0.5)
         xy = np.column_stack([x, y])
-        _, member = follower.follow(xy, height=heights(force[y, x]))
+        _, member = follower.follow(xy, height=heights(force[y, x], xy, neighbours))
         assert image.contacts == len(xy)
         assert [(a.id, a.x, a.y) for a in image.actuators] == [(k, *xy[n]) for k, n in sorted(member.items())], f"frame {i}"
     return made

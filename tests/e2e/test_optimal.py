@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 import taxel_reader
 from conditioning import DAEMON_SETTINGS, Conditioner
-from following_actuators import Follower, heights
+from following_actuators import Follower, heights, next_of
 from harness.candump import sweep_times_ns, write_candump
 from harness.compare_optimal import Frame
 from harness.daemon import Daemon, binary
@@ -182,10 +182,12 @@ def test_every_actuator_is_where_the_recipe_puts_it(folder, hand, profile, gain)
     frames = list(restless_frames(Touches.even(hand)))
     images = compressed(folder, hand, frames, DAEMON_SETTINGS, profile, jump_gain=gain)
     conditioner, follower = Conditioner(), Follower(profile.actuators, gain)
+    neighbours = next_of(hand.xy, [(taxel.bus, taxel.board) for taxel in hand.taxels])
     clustered = 0
     for i, (image, counts) in enumerate(zip(images, frames)):
         frame = Frame(hand, profile, *conditioner.feed(counts))
-        ids, member = follower.follow(frame.xy, frame.rho if profile.force_weighted else None, heights(frame.rho))
+        height = heights(frame.rho, frame.xy, neighbours)
+        ids, member = follower.follow(frame.xy, frame.rho if profile.force_weighted else None, height)
         wanted = [(k, *frame.xy[n]) for k, n in sorted(member.items())]
         assert [(a.id, a.x, a.y) for a in image.actuators] == wanted, f"frame {i}"
         if image.contacts:

@@ -16,7 +16,7 @@ LEAST_SHARE, QUIET_SHARE, FIRST_FRAMES, QUIET_FRAMES, RANKED = 0.002, 0.1, 4, 4,
 PATIENCE, TRIED_POINTS, MOST_TRIES = 2.0, 1000, 4
 TRIES, MOST_FOUND, NEAR_LEAST, DOUBT = 4, 8, 1.06, 1.25
 MOST_RAISED, MOST_GIVEN, TRADES = 5, (0.02, 0.01), 2
-STEPS_A_PITCH, RAISED_SHARE = 4.0, 0.25
+STEPS_A_PITCH, RAISED_SHARE = 4.75, 0.25
 
 
 def in_order(terms):
@@ -41,13 +41,36 @@ def neighbour_distance(modules):
     return sorted(near)[len(near) // 2] ** 0.5 if near else 1.0
 
 
-def heights(forces, reach=2.0, force_distance=1.0):
+def next_of(xy, module=None):
+    """The neighbours of a hand's taxels, by place: the next one of the same module in the row, and in the column; None where there is none.
+
+    xy: (N, 2), of all taxels. module: (N,), which module each belongs to; one for all where it is left out.
+    """
+    taxels = sorted((0 if module is None else module[n], int(y), int(x)) for n, (x, y) in enumerate(xy))
+    found = {(x, y): [None, None] for _, y, x in taxels}
+    for (a, y, x), (b, v, u) in zip(taxels, taxels[1:]):
+        if (a, y) == (b, v):
+            found[x, y][0] = (u, v)
+    taxels.sort(key=lambda taxel: (taxel[0], taxel[2], taxel[1]))
+    for (a, y, x), (b, v, u) in zip(taxels, taxels[1:]):
+        if (a, x) == (b, u):
+            found[x, y][1] = (u, v)
+    return found
+
+
+def heights(forces, xy, neighbours, reach=2.0, force_distance=1.0):
     """Of contacts in the order of their list: how far their forces are above the least. None without a difference."""
     rho = np.asarray(forces, dtype=np.float64)
-    steps = in_order([(b - a) * (b - a) for a, b in zip(rho, rho[1:])])
-    if steps == 0.0:
+    if len(rho) == 0 or rho.max() == rho.min():
         return None
-    step = np.sqrt(steps / (len(rho) - 1))
+    force_at = {(int(x), int(y)): force for (x, y), force in zip(xy, rho)}
+    pairs = [[(a, neighbours[a][axis]) for a in force_at if neighbours[a][axis] in force_at] for axis in (0, 1)]
+    across, down = (in_order([abs(force_at[b] - force_at[a]) for a, b in of]) for of in pairs)
+    step, count, fewest = across + down, len(pairs[0]) + len(pairs[1]), len(rho) - 1
+    if count < fewest:
+        spread = in_order(np.abs(rho - in_order(rho) / len(rho))) / len(rho)
+        step += (fewest - count) * spread
+    step = max(step / max(count, fewest), (rho.max() - rho.min()) / len(rho))
     return force_distance * (reach / 2) / (STEPS_A_PITCH * step) * (rho - rho.min())
 
 

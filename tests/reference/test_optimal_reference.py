@@ -5,7 +5,7 @@ import itertools
 import numpy as np
 import pytest
 from exact_levels import Forces, optimal_levels
-from following_actuators import Follower, neighbour_distance
+from following_actuators import Follower, heights, neighbour_distance, next_of
 from robust_conditioning import MS, Rest, RobustConditioner, rest_in_the_quieter_half, steps_of, upper_spread
 
 
@@ -52,6 +52,27 @@ def test_no_other_way_of_cutting_has_less_error(seed):
     of = Forces(forces)
     found = [error(p[1:]) for p in of.partitions(k)]
     assert found and found == pytest.approx([least] * len(found), abs=1e-9)
+
+
+def test_heights_are_measured_by_how_forces_of_neighbours_differ():
+    # Two rows of 1, 1, 5: of seven pairs of neighbours two differ, by 4. The pixel between taxels of a row does not matter.
+    places, forces = [(0, 0), (2, 0), (4, 0), (0, 1), (2, 1), (4, 1)], [1, 1, 5, 1, 1, 5]
+    tall = 4 / (4.75 * 8 / 7)
+    assert heights(forces, places, next_of(places)) == pytest.approx([0, 0, tall, 0, 0, tall])
+    turned = [(y, x) for x, y in places]
+    assert heights(forces, turned, next_of(turned)) == pytest.approx([0, 0, tall, 0, 0, tall])
+    # In two modules no neighbours differ: they count as differing by a sixth of the range.
+    tall = 4 / (4.75 * 4 / 6)
+    assert heights(forces, places, next_of(places, [0, 0, 1, 0, 0, 1])) == pytest.approx([0, 0, tall, 0, 0, tall])
+    assert heights([3, 3], places[:2], next_of(places)) is None
+
+
+def test_contacts_that_do_not_hang_together_have_heights_by_how_forces_differ_from_their_mean():
+    places = [(x, y) for y in range(3) for x in range(3)]
+    # Two of 1 beside each other, and a 4 alone: one pair that does not differ, and one that lacks. The mean is 2.
+    apart, spread = [(0, 0), (1, 0), (2, 2)], (1 + 1 + 2) / 3
+    assert heights([1, 1, 4], apart, next_of(places)) == pytest.approx([0, 0, 3 / (4.75 * max(spread / 2, 3 / 3))])
+    assert heights([1, 2, 6], [(0, 0), (2, 0), (1, 2)], next_of(places)) == pytest.approx([0, 1 / (4.75 * 2), 5 / (4.75 * 2)])
 
 
 def stands(follower, *xy):

@@ -6,6 +6,7 @@ use taxel_hand::{Actuator, ActuatorForce, Geometry, Placement, Profile, ProfileE
 use crate::actuator_groups;
 use crate::contacts::Contacts;
 use crate::fixed::Fixed;
+use crate::heights::Heights;
 use crate::levels::Levels;
 
 /// The actuator stage and its memory.
@@ -27,7 +28,7 @@ pub(crate) struct Actuators {
     /// First coordinates, moved apart by part of the hand.
     apart: Vec<f64>,
     /// Forces in the unit of the coordinates.
-    heights: Vec<f64>,
+    heights: Heights,
     /// Distance of neighbouring taxels.
     pitch: f64,
     fixed: Option<Fixed>,
@@ -65,10 +66,6 @@ impl Group {
 /// How far columns of different parts of the hand are moved apart, pixels or millimetres: an
 /// actuator in between would be worth nothing.
 const PART_DISTANCE: f64 = 4096.0;
-
-/// Contacts whose forces differ by so many times what those of consecutive contacts differ by are as far apart in height as
-/// neighbouring taxels in the plane.
-const STEPS_A_PITCH: f64 = 4.0;
 
 /// What presses on an actuator.
 #[derive(Debug, Default, Clone, Copy)]
@@ -118,7 +115,7 @@ impl Actuators {
             groups,
             group_of_part,
             apart: Vec::with_capacity(taxels),
-            heights: Vec::with_capacity(taxels),
+            heights: Heights::new(geometry, &contacts.raster()),
             pitch: 0.5 * settings.reach,
             fixed,
         })
@@ -154,7 +151,8 @@ impl Actuators {
 
     /// From where the actuators were, [`Kmeans2d`], each group of parts on its own.
     fn follow(&mut self, profile: &Profile, contacts: &Contacts, levels: &Levels, out: &mut Vec<Actuator>) {
-        self.raise(profile, &contacts.force);
+        self.heights.raise(contacts, profile.force_distance * self.pitch);
+        let heights = self.heights.get();
         let mut x = &contacts.x;
         if profile.parts_apart {
             let parts = contacts.x.iter().zip(&contacts.part);
@@ -166,7 +164,7 @@ impl Actuators {
         if let [all] = &mut self.groups[..] {
             let points = Plane { x, y: &contacts.y };
             let weights = profile.force_weighted.then_some(&contacts.force[..]);
-            let heights = (!self.heights.is_empty()).then_some(&self.heights[..]);
+            let heights = (!heights.is_empty()).then_some(heights);
             let clusters = all.follower.follow(points, &contacts.rank, weights, heights);
             self.cluster.clear();
             self.cluster.extend_from_slice(clusters.labels);
@@ -179,25 +177,11 @@ impl Actuators {
                 &self.group_of_part,
                 contacts,
                 Plane { x, y },
-                &self.heights,
+                heights,
             );
             self.follow_groups(profile.force_weighted, contacts.len());
         }
         self.press(profile, contacts, levels, out);
-    }
-
-    /// Heights of the contacts: how far their forces are above the least, in terms of how far those of consecutive
-    /// contacts are from each other. Without a difference there are none.
-    fn raise(&mut self, profile: &Profile, forces: &[f64]) {
-        self.heights.clear();
-        let steps: f64 = forces.windows(2).map(|f| (f[1] - f[0]) * (f[1] - f[0])).sum();
-        if profile.force_distance > 0.0 && steps > 0.0 {
-            let step = (steps / (forces.len() - 1) as f64).sqrt();
-            let least = forces.iter().copied().fold(f64::INFINITY, f64::min);
-            let scale = profile.force_distance * self.pitch / (STEPS_A_PITCH * step);
-            self.heights
-                .extend(forces.iter().map(|force| scale * (force - least)));
-        }
     }
 
     /// Gives each group the contacts of its parts.

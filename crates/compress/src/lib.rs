@@ -9,6 +9,7 @@ mod codebook;
 mod compressor;
 mod contacts;
 mod fixed;
+mod heights;
 mod levels;
 mod session;
 mod steps;

@@ -44,9 +44,8 @@ pub struct Profile {
     /// Share of the position error that an actuator must save to be moved elsewhere, 0 to 1, for `follow`. A quarter of
     /// it is asked where `force_distance` matters to places.
     pub jump_gain: f64,
-    /// How far apart two contacts count whose forces differ by four times what those of consecutive contacts differ by
-    /// (root mean square), in distances of neighbouring taxels, 0 to 2, for `follow` with at most five contacts for each
-    /// actuator. It decides which contacts share an actuator where places leave that open. With more contacts, those
+    /// How far apart two contacts count whose forces differ by 4.75 times what those of neighbours differ by in the mean,
+    /// in distances of neighbouring taxels, 0 to 2, for `follow` with at most five contacts for each actuator. It decides which contacts share an actuator where places leave that open. With more contacts, those
     /// between two actuators go to the one whose contacts are pressed like them, for no more than 2 % of the position
     /// error; 0 leaves forces out of both.
     pub force_distance: f64,
