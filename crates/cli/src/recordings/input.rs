@@ -1,12 +1,12 @@
 //! INPUT: any recording the tool knows, and what to say about it where the file does not.
 
 use super::assumed;
-use super::magnitudes;
 use crate::piped_file::{layout_parser, recording_parser};
 use anyhow::{Context, bail};
 use std::cell::OnceCell;
 use std::ops::RangeInclusive;
 use std::path::PathBuf;
+use taxel_hand::plural;
 use taxel_playback::head::Head;
 use taxel_playback::recorded;
 use taxel_playback::stand_in;
@@ -164,7 +164,7 @@ impl InputArgs {
             readings.reverse();
         }
         let counts = readings.into_iter().filter_map(|(columns, how)| {
-            let counts = magnitudes::counts_of(columns, hand.len(), self)?;
+            let counts = self.counts_of(columns, hand.len())?;
             Some(format!("{how}of these {columns} columns {counts}"))
         });
         let counts: Vec<String> = counts.collect();
@@ -174,19 +174,37 @@ impl InputArgs {
         }
     }
 
+    /// What says of so many columns, beside those that were named already, that they are the counts of a hand, and in a .csv its
+    /// joint angles; none where they cannot be.
+    pub(super) fn counts_of(&self, columns: usize, taxels: usize) -> Option<String> {
+        let more = columns.checked_sub(3 * taxels)?;
+        let [are_timed, is_csv] = [self.time_column.is_some(), self.is_csv()];
+        match more + self.joint_columns {
+            _ if more == 0 => {
+                Some("say with --columns xyz-interleaved or xyz-blocks that they are x y z counts".into())
+            }
+            joints @ 1..=64 if are_timed => Some(format!(
+                "say with --columns xyz-interleaved --joint-columns {joints} that they are x y z counts and, at the end, {}; what \
+                 is neither is to be cut out",
+                plural(joints, "joint angle")
+            )),
+            1 if is_csv => Some(
+                "say with --columns xyz-interleaved --time-column UNIT that the first is time and the others x y z counts, or with \
+                 --joint-columns 1 in place of --time-column that the last is a joint angle"
+                    .into(),
+            ),
+            joints @ 1..=64 if is_csv => Some(format!(
+                "say with --columns xyz-interleaved --joint-columns {joints} that they are x y z counts and {joints} joint \
+                 angles, or {} where the first column is time, --time-column UNIT",
+                joints - 1
+            )),
+            _ => None,
+        }
+    }
+
     /// Whether it is a table, whose last columns can be joint angles.
-    pub(crate) fn is_csv(&self) -> bool {
+    fn is_csv(&self) -> bool {
         FileKind::of(&self.path) == Some(FileKind::Csv)
-    }
-
-    /// Whether its first column was said to be time, which only that of a table can be.
-    pub(crate) fn has_time_column(&self) -> bool {
-        self.time_column.is_some()
-    }
-
-    /// How many of its last columns were said to be joint angles.
-    pub(crate) fn joint_columns(&self) -> usize {
-        self.joint_columns
     }
 
     /// Whether its magnitudes are above the level at which their taxel idles.

@@ -1,7 +1,6 @@
 //! What is said of magnitudes that are read otherwise than they were meant.
 
 use super::input::InputArgs;
-use taxel_hand::plural;
 use taxel_record::Recording;
 use taxel_skin::Layout;
 
@@ -32,7 +31,7 @@ pub(crate) fn of_another_size(recording: &Recording, layout: &Layout, input: &In
     };
     let void = recording.cells();
     let columns = void.map_or(taxels, <[bool]>::len);
-    match counts_of(columns, wanted, input) {
+    match input.counts_of(columns, wanted) {
         Some(counts) => {
             let third = if taxels == 3 * wanted { ", a third" } else { "" };
             let leave = if void.is_some() {
@@ -46,34 +45,6 @@ pub(crate) fn of_another_size(recording: &Recording, layout: &Layout, input: &In
             anyhow::anyhow!("{and_layout}; {place}, or say with --columns that they are x y z counts")
         }
         None => anyhow::anyhow!("{and_layout}; {place}"),
-    }
-}
-
-/// What says of so many columns, beside those that were named already, that they are the counts of a hand, and in a .csv its
-/// joint angles; none where they cannot be.
-pub(crate) fn counts_of(columns: usize, taxels: usize, input: &InputArgs) -> Option<String> {
-    let more = columns.checked_sub(3 * taxels)?;
-    let [are_timed, is_csv] = [input.has_time_column(), input.is_csv()];
-    match more + input.joint_columns() {
-        _ if more == 0 => {
-            Some("say with --columns xyz-interleaved or xyz-blocks that they are x y z counts".into())
-        }
-        joints @ 1..=64 if are_timed => Some(format!(
-            "say with --columns xyz-interleaved --joint-columns {joints} that they are x y z counts and, at the end, {}; what \
-             is neither is to be cut out",
-            plural(joints, "joint angle")
-        )),
-        1 if is_csv => Some(
-            "say with --columns xyz-interleaved --time-column UNIT that the first is time and the others x y z counts, or with \
-             --joint-columns 1 in place of --time-column that the last is a joint angle"
-                .into(),
-        ),
-        joints @ 1..=64 if is_csv => Some(format!(
-            "say with --columns xyz-interleaved --joint-columns {joints} that they are x y z counts and {joints} joint \
-             angles, or {} where the first column is time, --time-column UNIT",
-            joints - 1
-        )),
-        _ => None,
     }
 }
 
