@@ -196,7 +196,7 @@ fn the_main_table_fits_a_terminal_and_begins_with_a_verdict() {
         out.contains("optimal codebook=learned") && !out.contains("history="),
         "{out}"
     );
-    let (all, _) = succeeds(&dir, &[&["eval", "sim:tap", "--all"], &quick[..]].concat());
+    let (all, _) = quickly(&dir, &["sim:tap", "--all"]);
     assert!(all.contains("optimal history=0.5"), "{all}");
     // Each column of both tables is explained below them.
     let (tables, words) = all.split_at(all.rfind("\n\nerrors,").unwrap());
