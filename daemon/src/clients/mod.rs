@@ -6,5 +6,5 @@ mod places;
 mod report;
 
 pub(crate) use asker::{Access, Asker, Change, ChangeLog};
-pub(crate) use places::{Doing, MOST_CLIENTS, Place, Places};
+pub(crate) use places::{Doing, MOST_CLIENTS, Motors, Place, Places};
 pub(crate) use report::Reports;

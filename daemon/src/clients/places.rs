@@ -9,8 +9,8 @@
 //! half as many as there are places are let in, whatever the others do, and each has its place until it is heard.
 
 use super::asker::Process;
-use std::cell::{Cell, RefCell};
-use std::rc::Rc;
+use std::cell::{Cell, OnceCell, RefCell};
+use std::rc::{Rc, Weak};
 use std::time::Duration;
 use taxel_serve::most_crowding;
 use taxel_wire::status::ControlStatus;
@@ -40,13 +40,17 @@ pub(crate) enum Doing {
     Nothing,
     /// What it asked for is being done.
     Obeying,
-    /// It holds a motor.
+    /// It holds a motor: so it does, whatever it does besides, unless it asks too much or has gone.
     Driving,
     /// A motor is being switched off for it.
     Releasing,
     /// It has just come, or a motor was switched off for it, and nothing of it was read since.
     Unheard,
 }
+
+/// The motors that a connection holds: there is a copy of this for each of them.
+#[derive(Debug, Clone, Default)]
+pub(crate) struct Motors(Rc<()>);
 
 /// The connections to one control socket, and counts since the start.
 #[derive(Debug)]
@@ -62,7 +66,9 @@ pub(crate) struct Places {
 #[derive(Debug)]
 struct Client {
     process: Process,
+    /// What it was noted to do, beside holding motors.
     doing: Cell<(Doing, Instant)>,
+    motors: OnceCell<Weak<()>>,
     /// Since when it has been kept, perhaps no longer.
     kept: Cell<Instant>,
     leave: Notify,
@@ -95,6 +101,7 @@ impl Places {
         let client = Rc::new(Client {
             process,
             doing: Cell::new((Doing::Unheard, now)),
+            motors: OnceCell::new(),
             kept: Cell::new(now),
             leave: Notify::new(),
         });
@@ -159,6 +166,9 @@ impl Client {
     /// What it does, and since when; what it is kept for is over in time.
     fn doing(&self, now: Instant) -> (Doing, Instant) {
         let (doing, since) = self.doing.get();
+        if !matches!(doing, Doing::Gone | Doing::Waiting) && self.drives() {
+            return (Doing::Driving, since);
+        }
         let end = self.kept.get() + KEPT;
         let (end, then) = match doing {
             Doing::Unheard => (end.min(since + UNHEARD), Doing::Nothing),
@@ -170,9 +180,20 @@ impl Client {
             false => (then, end.max(since)),
         }
     }
+
+    /// Whether it holds a motor now: another may end that unasked.
+    fn drives(&self) -> bool {
+        // Beside the one of the connection itself.
+        self.motors.get().is_some_and(|motors| motors.strong_count() > 1)
+    }
 }
 
 impl Place {
+    /// The motors that its client will hold.
+    pub(crate) fn hold(&self, motors: &Motors) {
+        let _ = self.client.motors.set(Rc::downgrade(&motors.0));
+    }
+
     /// Notes what its client does from now on.
     pub(crate) fn set(&self, doing: Doing, now: Instant) {
         let client = &self.client;

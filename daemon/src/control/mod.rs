@@ -100,6 +100,7 @@ async fn attend(stream: UnixStream, state: &State, asker: Asker, place: &Place) 
         asker,
         place,
     };
+    place.hold(talk.hold.motors());
     let (mut read, mut line) = (BufReader::new(read), Vec::new());
     {
         let mut converse = pin!(talk.converse(&mut read, &mut line));
@@ -251,10 +252,8 @@ impl Talk<'_> {
                 reply = self.obey(request, releases) => reply,
                 never = self.watch_for_more(read) => match never {},
             };
-            self.does(match releases {
-                true => Doing::Unheard,
-                false => Doing::Nothing,
-            });
+            let then = if releases { Doing::Unheard } else { Doing::Nothing };
+            self.place.set(then, Instant::now());
             if !self.reply(&reply).await? || too_long {
                 return Ok(());
             }
@@ -275,10 +274,12 @@ impl Talk<'_> {
 
     /// Carries out a request, and gives the line that answers it.
     async fn obey(&self, request: Result<Request, String>, releases: bool) -> Rc<[u8]> {
-        self.does(match releases {
-            true => Doing::Releasing,
-            false => Doing::Obeying,
-        });
+        let doing = if releases {
+            Doing::Releasing
+        } else {
+            Doing::Obeying
+        };
+        self.place.set(doing, Instant::now());
         match request {
             Ok(Request::Status {}) => report(self.state).await,
             Ok(request) => {
@@ -289,15 +290,6 @@ impl Talk<'_> {
             }
             Err(error) => line_of(&refusal(error)).into(),
         }
-    }
-
-    /// Notes what its client does, unless that holds a motor.
-    fn does(&self, doing: Doing) {
-        let doing = match self.hold.patience() {
-            Some(_) => Doing::Driving,
-            None => doing,
-        };
-        self.place.set(doing, Instant::now());
     }
 
     /// Whether the client has taken its reply, or has gone.

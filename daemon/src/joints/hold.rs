@@ -1,7 +1,7 @@
 //! Motors that run only as long as the client is there that has had them switched on.
 
 use super::Releases;
-use crate::clients::Asker;
+use crate::clients::{Asker, Motors};
 use std::cell::{Cell, RefCell};
 use std::time::Duration;
 use taxel_joints::JointReader;
@@ -16,7 +16,7 @@ pub(crate) struct Holders {
     connections: Cell<u64>,
 }
 
-#[derive(Debug, Clone, Copy)]
+#[derive(Debug)]
 struct Held {
     joint: usize,
     /// How long its client may be silent.
@@ -26,6 +26,8 @@ struct Held {
     asker: Asker,
     /// It is known what became of what its client has had the motor told last.
     is_told: bool,
+    /// Those of its connection, while this one is among them.
+    _motors: Motors,
 }
 
 /// The motors that a connection holds. When it is dropped, however the connection ends, they are switched off.
@@ -41,6 +43,7 @@ pub(crate) struct Hold<'a> {
     /// Whether it has asked for more meanwhile.
     is_pressed: Cell<bool>,
     has_let_go: Cell<bool>,
+    motors: Motors,
     changed: Notify,
 }
 
@@ -87,8 +90,14 @@ impl<'a> Hold<'a> {
             awaited: Cell::default(),
             is_pressed: Cell::default(),
             has_let_go: Cell::default(),
+            motors: Motors::default(),
             changed: Notify::new(),
         }
+    }
+
+    /// The motors that it holds, whoever ends its hold of one.
+    pub(crate) fn motors(&self) -> &Motors {
+        &self.motors
     }
 
     /// How long the client may be silent; `None` where it holds nothing.
@@ -244,6 +253,7 @@ impl<'a> Hold<'a> {
             by: self.number,
             asker: self.asker,
             is_told: false,
+            _motors: self.motors.clone(),
         }));
         self.changed.notify_waiters();
     }
@@ -258,7 +268,10 @@ impl Drop for Hold<'_> {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::clients::{Doing, Places};
     use std::future::pending;
+    use std::rc::Rc;
+    use tokio::time::timeout;
 
     const ON: WriteCommand = WriteCommand::Torque(true);
     const OFF: WriteCommand = WriteCommand::Torque(false);
@@ -394,6 +407,31 @@ mod tests {
             "another motor is off, and its own it may start anew"
         );
         assert!(ends() && is_free_of(&other, 0));
+    }
+
+    #[tokio::test(start_paused = true)]
+    async fn whose_hold_another_has_ended_keeps_its_place_no_longer_than_who_is_idle() {
+        let ends: [(&str, fn(&Hold<'_>)); 3] = [
+            ("off", |other| other.note(0, OFF, None)),
+            ("held by another", |other| other.note(0, ON, Some(200.0))),
+            ("found off", |other| other.end_others(0)),
+        ];
+        for (what, end) in ends {
+            let (releases, holders) = Default::default();
+            let [one, other] = [(); 2].map(|()| Hold::new(None, &releases, &holders, Asker::nobody()));
+            let places = Rc::new(Places::new(3));
+            // The others have just come, and may stay until they are heard.
+            let [place, _second, _third] =
+                [1, 2, 3].map(|pid| places.enter(Some((1000, Some(pid))), Instant::now()));
+            place.hold(one.motors());
+            ask(&one, (0, ON, Some(10_000.0)));
+            one.is_told(0);
+            place.set(Doing::Nothing, Instant::now());
+            let has_room = async || timeout(Duration::from_millis(30), places.room()).await.is_ok();
+            assert!(!has_room().await, "{what}: it drives");
+            end(&other);
+            assert!(has_room().await, "{what}");
+        }
     }
 
     #[test]

@@ -7,6 +7,13 @@ fn has_to_go(place: &Place) -> bool {
     !clients.iter().any(|client| Rc::ptr_eq(client, &place.client))
 }
 
+/// Has the client hold a motor for as long as this is there.
+fn drive(place: &Place) -> [Motors; 2] {
+    let motors = Motors::default();
+    place.hold(&motors);
+    [motors.clone(), motors]
+}
+
 #[test]
 fn the_oldest_idle_connection_makes_room_and_one_that_releases_a_motor_goes_last() {
     let places = Rc::new(Places::new(MOST));
@@ -129,7 +136,7 @@ fn who_drives_a_motor_goes_last_of_those_that_are_busy_and_they_only_where_they_
     let places = Rc::new(Places::new(MOST));
     let enter = |pid| places.enter(Some((1000, Some(pid))), start);
     let driving = enter(1);
-    driving.set(Doing::Driving, start);
+    let _motors = drive(&driving);
     let silent: Vec<_> = (2..=MOST as i32).map(enter).collect();
     assert!(!places.has_room(start));
     let heard = start + UNHEARD;
@@ -152,10 +159,35 @@ fn who_drives_many_motors_by_a_connection_each_keeps_them_where_others_are_idle(
     let start = Instant::now();
     let enter = |pid| places.enter(Some((1000, Some(pid))), start);
     let driving: Vec<_> = (0..MOST / 8 + 1).map(|_| enter(1)).collect();
-    driving.iter().for_each(|place| place.set(Doing::Driving, start));
+    let _motors: Vec<_> = driving.iter().map(drive).collect();
     let silent: Vec<_> = (driving.len()..MOST).map(|n| enter(2 + n as i32 % 8)).collect();
     let _new = places.enter(None, start + UNHEARD);
     assert!(has_to_go(&silent[0]) && !driving.iter().any(has_to_go));
+}
+
+#[test]
+fn who_held_a_motor_once_crowds_others_and_goes_before_who_still_does() {
+    let places = Rc::new(Places::new(MOST));
+    let start = Instant::now();
+    let at = |n| start + Duration::from_millis(n);
+    let driving = places.enter(Some((1000, Some(1))), start);
+    let _motors = drive(&driving);
+    driving.set(Doing::Nothing, start);
+    // One connection after the other of another process takes hold of a motor, of which each has held but the last.
+    let others: Vec<_> = (1..MOST as u64)
+        .map(|n| {
+            let place = places.enter(Some((1000, Some(2))), at(n));
+            let [own, of_motor] = drive(&place);
+            place.set(Doing::Nothing, at(n));
+            (place, own, Some(of_motor).filter(|_| n + 1 == MOST as u64))
+        })
+        .collect();
+    let mut new = Vec::new();
+    for n in 0..3 {
+        new.push(places.enter(Some((1000, Some(3))), at(MOST as u64)));
+        assert!(has_to_go(&others[n].0) && !has_to_go(&others[n + 1].0));
+    }
+    assert!(!has_to_go(&driving));
 }
 
 /// What a connection does at this time, ms, where it does something else than before.
