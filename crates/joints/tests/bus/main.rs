@@ -14,7 +14,7 @@ mod told_again;
 mod writes;
 
 use taxel_joints::bus::{Bus, FastState, NoReading, Step, wire_ns};
-use taxel_joints::protocol2::StatusError;
+use taxel_joints::protocol2::{Encoder, StatusError};
 use taxel_joints::registers::{HardwareError, angle_rad};
 use taxel_joints::{DynamixelConfig, FastSyncRead};
 use taxel_sim::servo::{AfterSilence, ServoBuild, ServoBus, ServoFault};
@@ -33,6 +33,8 @@ struct World {
     /// Bytes that arrive are given to the host in pieces of at most so many.
     piece: usize,
     requests: Vec<Vec<u8>>,
+    /// Between two cycles that begin one behind the other ([`World::go_on`]).
+    pause_ns: u64,
     /// What the host says is lost on the way.
     cut: bool,
     /// So are those of its requests of which this says so.
@@ -48,6 +50,7 @@ impl World {
             now_ns: 1_000 * MS,
             piece: usize::MAX,
             requests: Vec::new(),
+            pause_ns: MS,
             cut: false,
             lost: Box::new(|_| false),
         }
@@ -70,6 +73,11 @@ impl World {
 
     /// One turn of a cycle that has begun; `false` when it is over.
     fn turn(&mut self) -> bool {
+        self.turn_to(u64::MAX)
+    }
+
+    /// The same, which ends at this time, whatever is waited for.
+    fn turn_to(&mut self, end_ns: u64) -> bool {
         match self.bus.step(self.now_ns) {
             Step::Send => {
                 self.receive();
@@ -82,12 +90,35 @@ impl World {
             }
             Step::Wait { until_ns } => {
                 let next = self.servos.next_due_ns().map_or(until_ns, |t| t.min(until_ns));
-                self.now_ns = self.now_ns.max(next);
+                self.now_ns = self.now_ns.max(next.min(end_ns));
                 self.receive();
             }
             Step::Done => return false,
         }
         true
+    }
+
+    /// One turn; where the cycle is over, the next begins, and this says so.
+    fn go_on(&mut self, end_ns: u64) -> bool {
+        let is_over = !self.turn_to(end_ns);
+        if is_over {
+            self.now_ns += self.pause_ns;
+            self.bus.begin(self.now_ns);
+        }
+        is_over
+    }
+
+    /// Somebody answers for the servo of this id, which is asked for its torque, that it is this.
+    fn say_torque(&mut self, id: u8, torque: u8) {
+        let asked = self.requests.last().unwrap();
+        assert_eq!((asked[7], asked[8]), (0x82, 64), "it is asked for its torque");
+        let mut data = vec![0; usize::from(asked[10])];
+        data[0] = torque;
+        let mut encoder = Encoder::default();
+        let answer = encoder.status(id, 0, &data).unwrap();
+        let bytes = answer.len();
+        self.bus.space()[..bytes].copy_from_slice(answer);
+        self.bus.take_bytes(bytes, self.now_ns);
     }
 
     /// One cycle; the next begins `pause_ns` later.
@@ -376,7 +407,7 @@ fn an_alert_beside_an_error_number_is_counted_and_kept() {
 fn a_servo_with_another_id_is_counted_and_changes_nothing() {
     let mut w = World::new(&DynamixelConfig::new("none", 1..=2), (1..=3).map(ServoBuild::new));
     // Something else on the wire makes servo 3 talk.
-    let ping = taxel_joints::protocol2::Encoder::default().ping(3).to_vec();
+    let ping = Encoder::default().ping(3).to_vec();
     for _ in 0..5 {
         w.servos.receive(&ping, w.now_ns);
         assert!(all_good(&w.cycle(MS)));
@@ -393,7 +424,7 @@ fn a_servo_that_refuses_is_told_from_one_that_is_silent() {
     w.bus.begin(w.now_ns);
     assert_eq!(w.bus.step(w.now_ns), Step::Send);
     w.bus.sent(w.now_ns);
-    let mut e = taxel_joints::protocol2::Encoder::default();
+    let mut e = Encoder::default();
     let answer = e.status(1, 7, &[]).unwrap();
     w.bus.space()[..answer.len()].copy_from_slice(answer);
     let n = answer.len();

@@ -4,8 +4,7 @@ use crate::proof::bits;
 use crate::writes::{register, start, watched};
 use crate::{MS, World};
 use std::ops::Range;
-use taxel_joints::bus::{Step, WriteCommand, WriteError};
-use taxel_joints::protocol2::Encoder;
+use taxel_joints::bus::{WriteCommand, WriteError};
 use taxel_sim::servo::{AfterSilence, ServoFault};
 
 const OFF: WriteCommand = WriteCommand::Torque(false);
@@ -13,7 +12,7 @@ const TORQUE: u8 = 64;
 const WATCHDOG: u8 = 98;
 
 /// Motors that are on, of servos whose answers all take so long.
-fn slow(n: u8, late_ns: u64) -> World {
+pub(crate) fn slow(n: u8, late_ns: u64) -> World {
     let mut w = watched(n, 2540);
     w.bus.set_margins_ns(2 * late_ns + 30 * MS, 4 * MS);
     for id in 1..=n {
@@ -24,31 +23,28 @@ fn slow(n: u8, late_ns: u64) -> World {
     w
 }
 
-fn switch_off(w: &mut World, servos: Range<usize>) {
+pub(crate) fn switch_off(w: &mut World, servos: Range<usize>) {
     for servo in servos {
         w.bus.command(servo, OFF).unwrap();
     }
 }
 
-fn says_off(w: &World, servo: usize) -> bool {
+pub(crate) fn says_off(w: &World, servo: usize) -> bool {
     w.bus.servo(servo).unwrap().torque_enabled == Some(false)
 }
 
 /// Goes on, cycle after cycle, until this is so, for so long at most.
 #[track_caller]
-fn until(w: &mut World, within_ns: u64, what: &str, done: impl Fn(&World) -> bool) {
+pub(crate) fn until(w: &mut World, within_ns: u64, what: &str, done: impl Fn(&World) -> bool) {
     let end_ns = w.now_ns + within_ns;
     while !done(w) {
-        if !w.turn() {
-            w.now_ns += MS;
-            w.bus.begin(w.now_ns);
-        }
+        w.go_on(u64::MAX);
         assert!(w.now_ns <= end_ns, "{what}: not within {} ms", within_ns / MS);
     }
 }
 
 /// Instruction and address of each request.
-fn asked(w: &World) -> Vec<(u8, u8)> {
+pub(crate) fn asked(w: &World) -> Vec<(u8, u8)> {
     w.requests
         .iter()
         .map(|request| (request[7], request[8]))
@@ -125,13 +121,23 @@ fn one_whose_answer_is_missing_or_damaged_costs_the_others_nothing() {
 
 #[test]
 fn those_that_wait_for_one_that_is_silent_are_asked_again_without_it() {
-    for silent in [1, 3, 6] {
-        let what = format!("servo {silent}");
+    for (silent, rests) in [
+        (1, false),
+        (3, false),
+        (6, false),
+        (1, true),
+        (3, true),
+        (6, true),
+    ] {
+        let what = format!("servo {silent}, which rests: {rests}");
         let mut w = watched(6, 2540);
-        w.bus.set_margins_ns(450 * MS, 4 * MS);
         w.servos.set_after_silence(AfterSilence::Stop);
         start(&mut w, 0..6);
         w.fault(silent, ServoFault::Silent);
+        match rests {
+            true => drop(w.cycles(10)),
+            false => w.bus.set_margins_ns(450 * MS, 4 * MS),
+        }
         switch_off(&mut w, 0..6);
         w.bus.begin(w.now_ns);
         w.requests.clear();
@@ -139,18 +145,9 @@ fn those_that_wait_for_one_that_is_silent_are_asked_again_without_it() {
             (0..6).all(|servo| servo + 1 == usize::from(silent) || says_off(w, servo))
         });
         // One that rests is asked last, and holds up nobody.
-        let mut w = watched(6, 2540);
-        w.servos.set_after_silence(AfterSilence::Stop);
-        start(&mut w, 0..6);
-        w.fault(silent, ServoFault::Silent);
-        w.cycles(10);
-        switch_off(&mut w, 0..6);
-        w.bus.begin(w.now_ns);
-        w.requests.clear();
-        until(&mut w, 15 * MS, &what, |w| {
-            (0..6).all(|servo| servo + 1 == usize::from(silent) || says_off(w, servo))
-        });
-        assert_eq!(asked(&w), [(0x83, TORQUE), (0x82, TORQUE)], "{what}");
+        if rests {
+            assert_eq!(asked(&w), [(0x83, TORQUE), (0x82, TORQUE)], "{what}");
+        }
     }
 }
 
@@ -181,14 +178,7 @@ fn who_has_one_that_is_silent_switched_off_again_and_again_keeps_no_other_waitin
     let from_ns = w.now_ns;
     for number in 1.. {
         w.bus.numbered_command(number, 0, OFF).unwrap();
-        match w.bus.step(w.now_ns) {
-            Step::Wait { until_ns } => {
-                let next_ns = w.servos.next_due_ns().map_or(until_ns, |t| t.min(until_ns));
-                w.now_ns = next_ns.min(w.now_ns + 10 * MS);
-                w.receive();
-            }
-            _ => assert!(w.turn()),
-        }
+        assert!(w.turn_to(w.now_ns + 10 * MS));
         if says_off(&w, 1) {
             break;
         }
@@ -217,18 +207,7 @@ fn healthy_servos_that_are_left_again_and_again_for_others_to_be_off_are_not_sil
             w.bus.begin(w.now_ns);
             for number in 1.. {
                 while w.now_ns < due_ns {
-                    match w.bus.step(w.now_ns) {
-                        Step::Wait { until_ns } => {
-                            let next_ns = w.servos.next_due_ns().map_or(until_ns, |t| t.min(until_ns));
-                            w.now_ns = next_ns.min(due_ns).max(w.now_ns);
-                            w.receive();
-                        }
-                        Step::Send => assert!(w.turn()),
-                        Step::Done => {
-                            w.now_ns += MS;
-                            w.bus.begin(w.now_ns);
-                        }
-                    }
+                    w.go_on(due_ns);
                     assert!((0..6).all(|servo| w.bus.servo(servo).unwrap().alive), "{what}");
                 }
                 if w.now_ns >= end_ns {
@@ -264,69 +243,24 @@ fn watchdogs_that_offs_overtake_are_cleared_behind_them_in_one_packet() {
     assert!((1..=3).all(|id| register(&w, id, WATCHDOG.into(), 1) == 0));
 }
 
-#[test]
-fn of_two_servos_with_one_id_both_have_to_be_off() {
-    let mut w = watched(2, 2540);
-    start(&mut w, 0..2);
-    for servo in 0..2 {
+/// Motors that were told to be off by commands of the number 7; what they answer is for who has this to say.
+fn told_and_asked(n: u8) -> World {
+    let mut w = watched(n, 2540);
+    start(&mut w, 0..usize::from(n));
+    for servo in 0..usize::from(n) {
         w.bus.numbered_command(7, servo, OFF).unwrap();
     }
     w.bus.begin(w.now_ns);
     while w.requests.last().is_none_or(|r| (r[7], r[8]) != (0x82, TORQUE)) {
         assert!(w.turn());
     }
-    let length = usize::from(w.requests.last().unwrap()[10]);
     w.servos.hang_up();
-    for torque in [0, 1] {
-        let mut data = vec![0; length];
-        data[0] = torque;
-        let mut encoder = Encoder::default();
-        let answer = encoder.status(1, 0, &data).unwrap();
-        w.bus.space()[..answer.len()].copy_from_slice(answer);
-        let bytes = answer.len();
-        w.bus.take_bytes(bytes, w.now_ns);
-    }
-    let off = w.bus.servo(0).unwrap().motor_off;
-    let result = off.written.map(|written| written.result);
-    assert_eq!((result, off.unconfirmed), (Some(Err(WriteError::StillOn)), true));
-    w.requests.clear();
-    w.cycles(10);
-    let told = |at: u8| {
-        w.requests
-            .iter()
-            .position(|r| (r[7], r[8], r[12]) == (0x83, at, 1))
-    };
-    assert!(told(TORQUE).unwrap() < told(WATCHDOG).unwrap());
-    assert!(says_off(&w, 0) && !w.bus.has_writes());
+    w
 }
 
-#[test]
-fn of_two_servos_with_one_id_the_first_that_says_it_is_on_is_not_outdone_by_the_other() {
-    let mut w = watched(3, 2540);
-    start(&mut w, 0..3);
-    for servo in 0..3 {
-        w.bus.numbered_command(7, servo, OFF).unwrap();
-    }
-    w.bus.begin(w.now_ns);
-    while w.requests.last().is_none_or(|r| (r[7], r[8]) != (0x82, TORQUE)) {
-        assert!(w.turn());
-    }
-    let length = usize::from(w.requests.last().unwrap()[10]);
-    w.servos.hang_up();
-    for (id, torque) in [(1, 1), (1, 0), (2, 0), (3, 0)] {
-        let mut data = vec![0; length];
-        data[0] = torque;
-        let mut encoder = Encoder::default();
-        let answer = encoder.status(id, 0, &data).unwrap();
-        w.bus.space()[..answer.len()].copy_from_slice(answer);
-        let bytes = answer.len();
-        w.bus.take_bytes(bytes, w.now_ns);
-    }
-    let is_done = |w: &World, servo| {
-        let done = w.bus.servo(servo).unwrap().motor_off.written;
-        done.is_some_and(|done| (done.number, done.result) == (7, Ok(())))
-    };
-    assert_eq!([0, 1, 2].map(|servo| is_done(&w, servo)), [false, true, true]);
+/// Servo 1 is told once more to be off, and only then that its watchdog is cleared.
+#[track_caller]
+fn is_told_again(w: &mut World) {
     w.requests.clear();
     w.cycles(10);
     let told = |at: u8| {
@@ -334,6 +268,33 @@ fn of_two_servos_with_one_id_the_first_that_says_it_is_on_is_not_outdone_by_the_
         w.requests.iter().position(is_told)
     };
     assert!(told(TORQUE).unwrap() < told(WATCHDOG).unwrap());
+}
+
+#[test]
+fn of_two_servos_with_one_id_both_have_to_be_off() {
+    let mut w = told_and_asked(2);
+    for torque in [0, 1] {
+        w.say_torque(1, torque);
+    }
+    let off = w.bus.servo(0).unwrap().motor_off;
+    let result = off.written.map(|written| written.result);
+    assert_eq!((result, off.unconfirmed), (Some(Err(WriteError::StillOn)), true));
+    is_told_again(&mut w);
+    assert!(says_off(&w, 0) && !w.bus.has_writes());
+}
+
+#[test]
+fn of_two_servos_with_one_id_the_first_that_says_it_is_on_is_not_outdone_by_the_other() {
+    let mut w = told_and_asked(3);
+    for (id, torque) in [(1, 1), (1, 0), (2, 0), (3, 0)] {
+        w.say_torque(id, torque);
+    }
+    let is_done = |w: &World, servo| {
+        let done = w.bus.servo(servo).unwrap().motor_off.written;
+        done.is_some_and(|done| (done.number, done.result) == (7, Ok(())))
+    };
+    assert_eq!([0, 1, 2].map(|servo| is_done(&w, servo)), [false, true, true]);
+    is_told_again(&mut w);
     assert!(is_done(&w, 0) && says_off(&w, 0) && !w.bus.has_writes());
 }
 
