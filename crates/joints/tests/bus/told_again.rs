@@ -341,3 +341,21 @@ fn at_the_end_healthy_servos_have_as_long_as_their_answers_take() {
     start(&mut w, 0..16);
     assert_eq!(w.bus.release_motors(), 2000 * MS);
 }
+
+#[test]
+fn at_the_end_the_first_packet_is_sent_however_late_and_patience_begins_with_it() {
+    let mut w = watched(2, 2540);
+    start(&mut w, 0..2);
+    w.fault(1, ServoFault::Silent);
+    let patience_ns = w.bus.release_motors();
+    // The thread gets no processor.
+    w.now_ns += 20 * patience_ns;
+    assert!(w.bus.is_releasing(w.now_ns));
+    let begun_ns = w.now_ns;
+    while w.bus.is_releasing(w.now_ns) {
+        w.cycle(MS);
+        assert!(w.now_ns < begun_ns + 2 * patience_ns);
+    }
+    assert_eq!([1, 2].map(|id| register(&w, id, 64, 1)), [0, 0]);
+    assert!(w.now_ns >= begun_ns + patience_ns && is_unconfirmed(&w, 0));
+}

@@ -385,9 +385,9 @@ impl Thread {
             next_ns = (next_ns + self.period_ns).max(monotonic_ns());
             self.sleep_until(next_ns, Urgent::Wakes);
         }
-        let until_ns = monotonic_ns() + self.bus.release_motors();
-        while self.bus.has_writes() && monotonic_ns() < until_ns {
-            port.cycle_while(&mut self.bus, |_| monotonic_ns() < until_ns)?;
+        self.bus.release_motors();
+        while self.bus.is_releasing(monotonic_ns()) {
+            port.cycle_while(&mut self.bus, |bus| bus.is_releasing(monotonic_ns()))?;
             // Where every servo rests a cycle takes no time.
             std::thread::sleep(RELEASE_PAUSE);
         }

@@ -168,7 +168,15 @@ impl Bus {
         let offs = self.writes.iter().filter(|write| write.switches_off());
         let wire_ns = wire_ns(OFF_BYTES, self.baud) + FACTORY_RETURN_DELAY_NS;
         let take_ns = offs.map(|off| wire_ns + self.off_margin_ns(off)).sum();
-        RELEASE_NS.max(take_ns).min(LONGEST_RELEASE_NS)
+        self.release_ns = RELEASE_NS.max(take_ns).min(LONGEST_RELEASE_NS);
+        self.release_until_ns = None;
+        self.release_ns
+    }
+
+    /// Whether motors are still to be told so: until all have confirmed it, and no longer than for the time that
+    /// [`Bus::release_motors`] returned. That begins with the first packet, so that one is sent, however late.
+    pub fn is_releasing(&self, now_ns: u64) -> bool {
+        self.has_writes() && self.release_until_ns.is_none_or(|until_ns| now_ns < until_ns)
     }
 
     /// Tells what became of a command. One of several writes that fails is a command that failed.

@@ -137,8 +137,11 @@ pub struct Bus {
     offs_untold: bool,
     /// Until when answers may come to requests that were not waited for as long.
     in_time_until_ns: u64,
-    /// Whether nothing is done any more but to switch motors off.
+    /// Whether nothing is done any more but to switch motors off; for how long once the first packet was sent, and until when
+    /// since then.
     ends: bool,
+    release_ns: u64,
+    release_until_ns: Option<u64>,
     /// Whose motor is the next to be told again to be off.
     off_turn: usize,
     begun_ns: u64,
@@ -196,6 +199,8 @@ impl Bus {
             offs_untold: false,
             in_time_until_ns: 0,
             ends: false,
+            release_ns: 0,
+            release_until_ns: None,
             off_turn: 0,
             begun_ns: 0,
             counters: BusCounters::default(),
@@ -376,6 +381,9 @@ impl Bus {
         self.parser.clear();
         self.counters.requests += 1;
         self.pass.sent_ns = Some(now_ns);
+        if self.ends {
+            self.release_until_ns.get_or_insert(now_ns + self.release_ns);
+        }
         self.pass.heard_ns = None;
         self.pass.wire_ns = self.answers_ns(self.pass.order.len());
     }
