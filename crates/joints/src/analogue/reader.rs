@@ -133,8 +133,9 @@ struct Thread {
 
 impl Thread {
     fn run(mut self) {
+        let mut terminal = None;
         while !self.stopped() {
-            let lost = match Port::open(&self.path, self.baud) {
+            let lost = match Port::open(&self.path, self.baud, terminal) {
                 Ok(mut port) => {
                     self.lines.port_opened();
                     {
@@ -142,7 +143,9 @@ impl Thread {
                         shared.snapshot.port.opened(port.device(), port.latency());
                         shared.snapshot.open_ns = monotonic_ns();
                     }
-                    self.read(&mut port)
+                    let lost = self.read(&mut port);
+                    terminal = port.terminal();
+                    lost
                 }
                 Err(error) => Err(error),
             };

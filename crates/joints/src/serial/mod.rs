@@ -6,7 +6,7 @@ mod port_status;
 mod reading_thread;
 mod shown;
 
-pub(crate) use port::Port;
+pub(crate) use port::{Port, Terminal};
 pub use port::{PortError, PortLatency};
 pub use port_status::{PortState, PortStatus};
 pub(crate) use reading_thread::ReadingThread;

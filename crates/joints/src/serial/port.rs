@@ -3,6 +3,7 @@
 use super::low_latency;
 use nix::fcntl::{FcntlArg, OFlag, fcntl};
 use serialport::{ClearBuffer, SerialPort, TTYPort};
+use std::fs::{File, Metadata};
 use std::io::{self, ErrorKind, Read, Write};
 use std::os::unix::fs::MetadataExt;
 use std::path::{Path, PathBuf};
@@ -34,6 +35,14 @@ pub enum PortError {
         link: PathBuf,
         /// The terminal.
         device: PathBuf,
+    },
+    /// The pseudo terminal that was open is gone, and its number is that of one that was made since: another program's.
+    #[error(
+        "{path} is another terminal than the one that was lost, as another program's is that was given its number; start          taxeld again if it is the servos', or name the link of a simulator, which is made anew with it", path = .path.display()
+    )]
+    Another {
+        /// The terminal.
+        path: PathBuf,
     },
     /// It was open and is gone, or does not take bytes.
     #[error("{path} is gone ({source}): unplugged, or its driver reset it; it is opened again as soon as it is back", path = .path.display())]
@@ -73,6 +82,14 @@ pub struct PortLatency {
 /// The longest a write may block before the port counts as lost.
 const WRITE_TIMEOUT: Duration = Duration::from_millis(200);
 
+/// Which pseudo terminal was open. Its number, and with it all else, is soon that of another; but not when it was made.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub(crate) struct Terminal {
+    inode: (u64, u64),
+    /// Seconds and nanoseconds.
+    made: (i64, i64),
+}
+
 /// An open serial port, 8N1, no flow control, for this program alone.
 #[derive(Debug)]
 pub(crate) struct Port {
@@ -84,7 +101,9 @@ pub(crate) struct Port {
 }
 
 impl Port {
-    pub(crate) fn open(path: &Path, baud: u32) -> Result<Self, PortError> {
+    /// Opens it. `lost`, if given, is the terminal that was open before, which a path that is no link leads to again or not at
+    /// all.
+    pub(crate) fn open(path: &Path, baud: u32, lost: Option<Terminal>) -> Result<Self, PortError> {
         let failed = |source: io::Error| PortError::Open {
             path: path.to_path_buf(),
             baud,
@@ -94,6 +113,9 @@ impl Port {
         let device = std::fs::canonicalize(path).map_err(failed)?;
         if let Some(link) = left_over(path, &device) {
             return Err(PortError::LeftOver { link, device });
+        }
+        if lost.is_some() && path.read_link().is_err() && Terminal::at(&device) != lost {
+            return Err(PortError::Another { path: device });
         }
         let name = device.to_string_lossy();
         let tty = TTYPort::open(&serialport::new(name, baud)).map_err(|e| {
@@ -140,6 +162,13 @@ impl Port {
 
     pub(crate) fn device(&self) -> &Path {
         &self.device
+    }
+
+    /// Which terminal it is, also once that is gone; `None` where it is none, but an adapter.
+    pub(crate) fn terminal(&self) -> Option<Terminal> {
+        let file = File::from(low_latency::descriptor(&self.tty).try_clone_to_owned().ok()?);
+        let metadata = file.metadata().ok()?;
+        is_terminal(&self.device).then(|| Terminal::of(&metadata))
     }
 
     /// Bytes that have arrived and are not read.
@@ -196,10 +225,27 @@ impl Port {
     }
 }
 
+fn is_terminal(device: &Path) -> bool {
+    device.starts_with("/dev/pts")
+}
+
+impl Terminal {
+    fn of(metadata: &Metadata) -> Self {
+        Self {
+            inode: (metadata.dev(), metadata.ino()),
+            made: (metadata.ctime(), metadata.ctime_nsec()),
+        }
+    }
+
+    fn at(device: &Path) -> Option<Self> {
+        device.metadata().as_ref().map(Self::of).ok()
+    }
+}
+
 /// The link to a pseudo terminal, where that is younger by more than a second: some file systems keep whole seconds alone.
 /// Of what is done to a terminal only a change of its mode or owner makes it younger.
 fn left_over(path: &Path, device: &Path) -> Option<PathBuf> {
-    if !device.starts_with("/dev/pts") {
+    if !is_terminal(device) {
         return None;
     }
     let (mut link, mut end) = (None, path.to_owned());

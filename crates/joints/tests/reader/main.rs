@@ -3,6 +3,7 @@
 //! Nothing here is timed: waiting only ends a test that would never succeed.
 
 mod commands;
+mod terminals;
 
 use nix::fcntl::{FcntlArg, OFlag, fcntl};
 use std::io::Read;
@@ -33,6 +34,15 @@ fn config(path: &Path, n: u8) -> DynamixelConfig {
     // The machine that runs the tests may be busy.
     config.answer_margin_ms = Some(400.0);
     config
+}
+
+/// Two, on the lines of this port.
+fn potentiometers(path: &Path) -> AnalogueConfig {
+    let joint = |n: usize| {
+        format!("[[joint]]\nname = \"{n}\"\nchannel = \"p{n}\"\ncounts = [100, 900]\ndegrees = [0, 80]\n")
+    };
+    let joints: String = (0..2).map(joint).collect();
+    toml::from_str(&format!("device = {path:?}\n{joints}")).unwrap()
 }
 
 fn eventually(reader: &ServoReader, what: &str, done: impl Fn(&ServoSnapshot) -> bool) -> ServoSnapshot {
@@ -150,43 +160,6 @@ fn a_port_that_is_not_there_yet_is_opened_when_it_comes() {
     let reader = ServoReader::start(&config(&name, 1)).unwrap();
     let pty = pty(1);
     std::os::unix::fs::symlink(pty.path(), &name).unwrap();
-    eventually(&reader, "read", all_read);
-}
-
-#[test]
-fn a_terminal_that_is_younger_than_the_link_to_it_is_anothers_and_left_alone() {
-    let folder = tempfile::tempdir().unwrap();
-    let [left, name] = ["left", "name"].map(|name| folder.path().join(name));
-    let link = |target: &Path, link: &Path| std::os::unix::fs::symlink(target, link).unwrap();
-    let long_ago = |link: &Path| {
-        let touched = std::process::Command::new("touch")
-            .args(["-h", "-d", "2001-01-01"])
-            .arg(link)
-            .status();
-        assert!(touched.unwrap().success());
-    };
-    let pty = pty(1);
-    link(pty.path(), &left);
-    link(Path::new("left"), &name);
-    long_ago(&left);
-    let reader = ServoReader::start(&config(&name, 1)).unwrap();
-    let end = Instant::now() + HANGS_AFTER;
-    let reason = loop {
-        assert!(Instant::now() < end && reader.snapshot().counters.cycles == 0);
-        if let PortState::Away { reason, .. } = reader.port().state {
-            break reason;
-        }
-        std::thread::sleep(Duration::from_millis(2));
-    };
-    let from = format!("{} leads to {}", left.display(), pty.path().display());
-    assert!(
-        reason.contains(&from) && reason.contains("start the simulator"),
-        "{reason}"
-    );
-    // Made anew. A name that leads to a link is as old as it likes.
-    std::fs::remove_file(&left).unwrap();
-    link(pty.path(), &left);
-    long_ago(&name);
     eventually(&reader, "read", all_read);
 }
 
@@ -411,12 +384,7 @@ fn potentiometers_are_read_line_by_line_and_their_port_is_opened_again() {
     let folder = tempfile::tempdir().unwrap();
     let link = folder.path().join("lines");
     std::os::unix::fs::symlink(pty.path(), &link).unwrap();
-    let joints: String = (0..2)
-        .map(|n| {
-            format!("[[joint]]\nname = \"{n}\"\nchannel = \"p{n}\"\ncounts = [100, 900]\ndegrees = [0, 80]\n")
-        })
-        .collect();
-    let config: AnalogueConfig = toml::from_str(&format!("device = {link:?}\n{joints}")).unwrap();
+    let config = potentiometers(&link);
     let reader = AnalogueReader::start(&config, || ()).unwrap();
     let wait = |what: &str, done: &dyn Fn(&AnalogueSnapshot) -> bool| {
         let end = Instant::now() + HANGS_AFTER;

@@ -27,7 +27,7 @@ const ANSWER_BYTES: usize = 14;
 /// Pings all servos of a bus and lists those that answer, by id. It takes about a second, and
 /// nothing else may use the port meanwhile.
 pub fn scan(path: &Path, baud: u32) -> Result<Vec<FoundServo>, PortError> {
-    let mut port = Port::open(path, baud)?;
+    let mut port = Port::open(path, baud, None)?;
     port.write(Encoder::default().ping(BROADCAST_ID))?;
     let answers = usize::from(MAX_ID) + 1;
     let end_ns = monotonic_ns() + answers as u64 * PER_ID_NS + wire_ns(answers * ANSWER_BYTES, baud);

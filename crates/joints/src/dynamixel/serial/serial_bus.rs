@@ -1,7 +1,7 @@
 //! A [`Bus`] on a serial port.
 
 use crate::dynamixel::bus::{Bus, DEFAULT_MARGIN_NS, Step};
-use crate::serial::{Port, PortError, PortLatency};
+use crate::serial::{Port, PortError, PortLatency, Terminal};
 use std::path::Path;
 use std::time::Duration;
 use taxel_can::monotonic_ns;
@@ -31,7 +31,18 @@ impl SerialBus {
     /// take beyond its time on the wire; without it, an FTDI adapter's own timer decides where
     /// there is one.
     pub fn open(path: &Path, baud: u32, margin_ns: Option<u64>, bus: &mut Bus) -> Result<Self, PortError> {
-        let port = Port::open(path, baud)?;
+        Self::open_again(path, baud, margin_ns, bus, None)
+    }
+
+    /// The same where that terminal was lost.
+    pub(crate) fn open_again(
+        path: &Path,
+        baud: u32,
+        margin_ns: Option<u64>,
+        bus: &mut Bus,
+        lost: Option<Terminal>,
+    ) -> Result<Self, PortError> {
+        let port = Port::open(path, baud, lost)?;
         bus.port_opened();
         let serial = Self { port, margin_ns };
         serial.set_margin(bus);
@@ -59,6 +70,11 @@ impl SerialBus {
     /// The device that was opened: where the path led to, if it was a link.
     pub fn device(&self) -> &Path {
         self.port.device()
+    }
+
+    /// Which terminal it is, also once that is gone; `None` where it is none, but an adapter.
+    pub(crate) fn terminal(&self) -> Option<Terminal> {
+        self.port.terminal()
     }
 
     /// When another program last took bytes that had come for this one, nanoseconds; `None` if none has.

@@ -346,12 +346,14 @@ impl Thread {
         // Wake up on the microsecond, not within the 50 that a thread may oversleep by default.
         let _ = prctl::set_timerslack(1);
         let mut pause = FIRST_PAUSE;
+        let mut lost = None;
         while !self.stopped() {
-            match SerialBus::open(&self.path, self.baud, self.margin_ns, &mut self.bus) {
+            match SerialBus::open_again(&self.path, self.baud, self.margin_ns, &mut self.bus, lost) {
                 Ok(mut port) => {
                     pause = FIRST_PAUSE;
                     lock(&self.shared).port.opened(port.device(), port.latency());
                     if let Err(error) = self.cycles(&mut port) {
+                        lost = port.terminal();
                         self.away(&error);
                     }
                 }

@@ -97,7 +97,7 @@ struct Surveyor {
 /// answer) and reads what each servo says of itself. It takes one to two seconds, and an eighth of one more for each servo
 /// that answers pings and no reads; nothing else may use the port meanwhile.
 pub fn survey(path: &Path, baud: u32, expected: &[u8]) -> Result<BusSurvey, PortError> {
-    let port = Port::open(path, baud)?;
+    let port = Port::open(path, baud, None)?;
     let latency = port.latency();
     let mut surveyor = Surveyor {
         port,
