@@ -12,8 +12,8 @@ import threading
 from contextlib import ExitStack
 
 import pytest
-from harness.daemon import Daemon, ask, die_with_parent, eventually, read_reply
-from harness.joints import SCENE, TICK, TORQUE, WRITING, dynamixel, servo
+from harness.daemon import HANGS_AFTER_S, Daemon, ask, die_with_parent, eventually, read_reply
+from harness.joints import IDS, SCENE, TICK, TORQUE, WRITING, dynamixel, servo
 from harness.servos import Servos
 
 PLACES = 128
@@ -271,6 +271,43 @@ def test_processes_that_have_a_silent_motor_switched_off_without_end_keep_nobody
                 client.settimeout(60)  # bounds a failure
                 ask(client, {"cmd": "servo", "joint": "joint 5", "torque": False})
             eventually(lambda: servos.register(5, *TORQUE) == 0, "the motor is on")
+    servos.close()
+
+
+def test_who_has_motors_switched_off_without_end_that_are_off_keeps_no_other_from_being_driven(folder):
+    servos = Servos("--ids", "1-16")
+    for id in IDS:
+        servos.tell(f"fault {id} late:30")
+    over, answers = threading.Event(), [0, 0]
+
+    def flood(path, number):
+        with connect(path) as client:
+            while not over.is_set():
+                ask(client, {"cmd": "servo", "joint": f"joint {number + 1}", "torque": False})
+                answers[number] += 1
+
+    with Daemon(folder / "d", SCENE, tick=TICK, joints=dynamixel(servos.path, **WRITING)) as daemon, ExitStack() as stack:
+        daemon.wait_status(lambda s: s["joints"]["readings"] > 50, "nothing is read")
+        threads = [threading.Thread(target=flood, args=(daemon.control_path, number)) for number in range(2)]
+        stack.callback(lambda: [thread.join() for thread in threads])
+        stack.callback(over.set)
+        for thread in threads:
+            thread.start()
+        eventually(lambda: min(answers) > 3, "nobody has a motor switched off")
+        before = daemon.status()["joints"]["cycles"]
+        with connect(daemon.control_path) as client:
+            client.settimeout(HANGS_AFTER_S)
+            for share in (5, 10, 0):
+                request = {"cmd": "servo", "joint": "joint 5", "torque": True, "pwm_percent": share}
+                assert ask(client, request)["ok"]
+                request.pop("torque")
+                assert ask(client, request)["ok"]
+            assert ask(client, {"cmd": "servo", "joint": "joint 5", "torque": False})["ok"]
+        assert servos.register(5, *TORQUE) == 0
+        # They go on with it, and the others are read meanwhile.
+        more = min(answers) + 3
+        eventually(lambda: min(answers) > more, "nobody has a motor switched off any more")
+        assert daemon.status()["joints"]["cycles"] > before + 3
     servos.close()
 
 

@@ -6,6 +6,7 @@ mod full_queue;
 mod lost;
 mod offs;
 mod proof;
+mod repeats;
 mod restarts;
 mod shown;
 mod starts;

@@ -1,6 +1,7 @@
 //! What servos are told through the thread that reads them.
 
 use crate::{HANGS_AFTER, all_read, config, eventually, pty};
+use std::sync::atomic::{AtomicBool, Ordering};
 use std::time::Instant;
 use taxel_joints::bus::{WriteCommand, WriteError, WriteRefused, Written};
 use taxel_joints::protocol2::Encoder;
@@ -269,7 +270,48 @@ fn that_a_motor_is_off_is_told_before_the_others_are_read() {
             break;
         }
         assert!(Instant::now() < end, "never before the end of the cycle");
-        let both = before + 2;
-        eventually(&reader, "at the end", |s| s.counters.writes_ok >= both);
+        eventually(&reader, "at the end", |s| s.counters.writes_ok > before);
     }
+}
+
+#[test]
+fn goals_that_are_given_without_end_beside_motors_that_are_switched_off_without_end_are_taken_cycle_by_cycle()
+{
+    let pty = pty(2);
+    let mut config = config(pty.path(), 2);
+    config.allow_writes = true;
+    config.watchdog_ms = 2000;
+    let reader = ServoReader::start(&config).unwrap();
+    eventually(&reader, "read", all_read);
+    let number = reader.command(1, WriteCommand::Start(0)).unwrap();
+    eventually(&reader, "on", |_| reader.outcome(1, number) == Some(Ok(())));
+    let is_over = AtomicBool::new(false);
+    std::thread::scope(|scope| {
+        for command in [WriteCommand::GoalPwm(1), WriteCommand::Torque(false)] {
+            let (reader, is_over) = (&reader, &is_over);
+            let joint = usize::from(command == WriteCommand::GoalPwm(1));
+            scope.spawn(move || {
+                while !is_over.load(Ordering::Relaxed) {
+                    // Where no more can wait, later ones do.
+                    let _ = reader.command(joint, command);
+                    std::thread::yield_now();
+                }
+            });
+        }
+        let before = reader.snapshot().counters;
+        eventually(&reader, "at work", |s| {
+            s.counters.writes_ok > before.writes_ok + 100
+        });
+        let before = reader.snapshot().counters.cycles;
+        // They end also where this fails.
+        let end = Instant::now() + HANGS_AFTER;
+        while reader.snapshot().counters.cycles < before + 5 && Instant::now() < end {
+            std::thread::yield_now();
+        }
+        is_over.store(true, Ordering::Relaxed);
+        assert!(
+            reader.snapshot().counters.cycles >= before + 5,
+            "a cycle has no end"
+        );
+    });
 }

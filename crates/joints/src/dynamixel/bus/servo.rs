@@ -1,6 +1,6 @@
 //! What is known of one servo, and how often it is asked.
 
-use super::writes::{MotorLost, Written};
+use super::writes::{MotorLost, Write, Written};
 use crate::dynamixel::protocol2::{StatusByte, StatusError};
 use crate::dynamixel::registers::{HardwareError, Model, address};
 
@@ -161,6 +161,12 @@ pub(crate) struct Servo {
     pub(crate) state: ServoState,
     /// Whether it was told here to switch its motor off, and not on since.
     pub(crate) is_to_be_off: bool,
+    /// Whether it was sent that since, and nothing by which its motor may run.
+    pub(crate) is_told_off: bool,
+    /// Whether it is to be sent that once more, since somebody has asked for it again.
+    pub(crate) is_asked_off_again: bool,
+    /// Whether it has said that its watchdog is cleared, and was not told since to arm it.
+    pub(crate) is_disarmed: bool,
     pub(crate) watch: Watch,
     /// How often it is still asked, until it says so, whether its motor was left on by a daemon before.
     pub(crate) left_on_asks: u8,
@@ -191,6 +197,9 @@ impl Servo {
             id,
             state: ServoState::default(),
             is_to_be_off: false,
+            is_told_off: false,
+            is_asked_off_again: false,
+            is_disarmed: false,
             watch: Watch::default(),
             left_on_asks: 0,
             told_bytes: None,
@@ -229,6 +238,7 @@ impl Servo {
         self.left_on_asks = if allow_writes { LEFT_ON_ASKS } else { 0 };
         (self.told_bytes, self.owed, self.usual_ns) = (None, 0, 0);
         (self.withhold, self.double_ns) = (false, [None; 2]);
+        (self.is_told_off, self.is_disarmed) = (false, false);
     }
 
     /// How long it waits before it answers.
@@ -257,6 +267,7 @@ impl Servo {
             }
             address::BUS_WATCHDOG => {
                 self.state.watchdog_tripped = Some(false);
+                self.is_disarmed = value == 0;
                 self.watch = match value {
                     0 => Watch::Unchecked,
                     _ => Watch::Known,
@@ -278,6 +289,7 @@ impl Servo {
         if !self.state.alive && self.silent_in_a_row > 0 {
             // Restarted, or another servo in its place.
             self.state.identity = None;
+            self.is_told_off = false;
         }
         if self.silent_in_a_row > 0 {
             self.off = Rest::default();
@@ -373,10 +385,14 @@ impl Servo {
         self.off.begin(now_ns);
     }
 
-    /// It is being told to switch its motor on.
-    pub(crate) fn switched_on(&mut self) {
-        self.state.may_run = true;
-        self.is_to_be_off = false;
+    /// It is being told this, as others may be in the same packet. From here on it may be obeyed, whatever becomes of the port.
+    pub(crate) fn is_being_told(&mut self, write: &Write) {
+        if write.is_motor_on() {
+            self.state.may_run = true;
+            (self.is_to_be_off, self.is_told_off) = (false, false);
+        }
+        self.is_told_off |= write.switches_off();
+        self.is_disarmed &= write.address != address::BUS_WATCHDOG;
     }
 
     /// Whether its motor is to be told again now to be off.

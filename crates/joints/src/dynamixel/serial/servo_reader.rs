@@ -49,6 +49,7 @@ struct Shared {
     snapshot: ServoSnapshot,
     history: JointHistory,
     port: PortStatus,
+    /// Those that switch motors off come first.
     commands: Vec<(u64, usize, WriteCommand)>,
     /// Commands so far.
     numbers: u64,
@@ -216,7 +217,8 @@ impl ServoReader {
     /// number under which [`ServoReader::outcome`] tells what became of it.
     ///
     /// That a motor is switched off is never refused for want of room, and waits for nothing but the request that is
-    /// out: it goes before other commands and readings, and what else that servo was to be told is forgotten. It is taken
+    /// out: it goes before other commands and readings, and what else that servo was to be told is forgotten. Only where its servo
+    /// was told so before, and nothing since by which it may run, it takes turns with them. It is taken
     /// while a port is away that was open before, and until the servo confirms it, it is sent again and again
     /// ([`MotorOff::unconfirmed`]).
     pub fn command(&self, joint: usize, command: WriteCommand) -> Result<u64, WriteRefused> {
@@ -396,7 +398,7 @@ impl Thread {
         Ok(())
     }
 
-    /// One cycle; between its requests what became of commands is shown, and what is urgent is sent. It has no more of them once
+    /// One cycle; between its requests what became of commands is shown, and what is urgent is taken. It has no more of them once
     /// the thread shall end.
     fn cycle(&mut self, port: &mut SerialBus) -> Result<(), PortError> {
         let Self {
@@ -415,7 +417,12 @@ impl Thread {
                 lock(shared).take_servos(bus);
             }
             if urgent.swap(false, Ordering::Acquire) {
-                std::mem::swap(&mut lock(shared).commands, commands);
+                // The rest waits for the end of the cycle, or it might have none.
+                let mut shared = lock(shared);
+                let is_urgent = |(_, _, command): &&_| *command == WriteCommand::Torque(false);
+                let offs = shared.commands.iter().take_while(is_urgent).count();
+                commands.extend(shared.commands.drain(..offs));
+                drop(shared);
                 bus.take(commands);
                 commands.clear();
             }

@@ -100,32 +100,41 @@ impl Bus {
         (torque.next()).map_or(self.servos[servo].runs(), Write::is_motor_on)
     }
 
-    /// Has a motor switched off before anything else is written or read. What else that servo was to be told is
-    /// forgotten.
+    /// Has a motor switched off before anything else is written or read, unless it was told so and nothing since by which it
+    /// may run. What else that servo was to be told is forgotten.
     pub(super) fn switch_off(&mut self, number: u64, servo: usize) {
         // What is out stays at the front until it is answered.
         let out = self.writes_out();
-        if out == 0 {
-            self.write_tries = 0;
-        }
         self.servos[servo].is_to_be_off = true;
         self.servos[servo].state.motor_off.newest = number;
         self.servos[servo].state.motor_lost = None;
         let mut i = out;
+        let mut told = self.writes.iter().take(out);
+        let is_told_more = told.any(|write| write.servo == servo && !write.urgent);
+        // At the end nothing else is done that it would have to wait for.
+        let is_repeat = self.servos[servo].is_told_off && !is_told_more && !self.ends;
         while let Some(write) = self.writes.get(i).copied() {
-            if write.servo == servo {
+            if write.servo == servo && !(is_repeat && write.urgent) {
                 self.writes.remove(i);
                 self.note(servo, write.number, Err(WriteError::SwitchedOff));
             } else {
                 i += 1;
             }
         }
-        let mut told = self.writes.iter_mut().take(out);
+        let mut told = self.writes.iter_mut();
         if let Some(write) = told.find(|write| write.servo == servo && write.switches_off()) {
             // It is being told so, and asked.
             write.number = number;
-            return;
+        } else if is_repeat {
+            self.servos[servo].is_asked_off_again = true;
+        } else {
+            self.insert_first_off(servo, out);
+            self.offs_untold = true;
         }
+    }
+
+    /// Puts what switches a motor off behind what is out, and behind that which has others switched off for the first time.
+    pub(super) fn insert_first_off(&mut self, servo: usize, out: usize) {
         // One that is silent holds up none of those behind it where it is the last.
         let rests = self.servos[servo].rests();
         let goes_before = |write: &Write| {
@@ -133,11 +142,11 @@ impl Bus {
         };
         let before = (self.writes.iter().skip(out)).take_while(|write| goes_before(write));
         self.insert_off(servo, out + before.count());
-        self.offs_untold = true;
     }
 
     /// Puts what switches a motor off into the queue.
     pub(super) fn insert_off(&mut self, servo: usize, at: usize) {
+        self.servos[servo].is_asked_off_again = false;
         let number = self.servos[servo].state.motor_off.newest;
         let mut off = Write::of(servo, WriteCommand::Torque(false), self.watchdog_steps, number);
         if let Some(off) = off.next() {
@@ -161,7 +170,7 @@ impl Bus {
         self.ends = true;
         for servo in 0..self.servos.len() {
             let off = self.servos[servo].state.motor_off;
-            if self.will_run(servo) || off.unconfirmed {
+            if self.will_run(servo) || off.unconfirmed || self.servos[servo].is_asked_off_again {
                 self.switch_off(off.newest, servo);
             }
         }

@@ -2,6 +2,7 @@
 
 mod answers;
 mod commands;
+mod repeats;
 mod requests;
 mod telling;
 mod watch;
@@ -15,6 +16,7 @@ use super::wire_ns;
 use super::writes::{QUEUE, Write, WriteError};
 use crate::dynamixel::config::{DynamixelConfig, FastSyncRead, ServoConfig};
 use crate::dynamixel::protocol2::{Encoder, FAST_BLOCK_OVERHEAD, Parser};
+use repeats::Repeats;
 use std::collections::VecDeque;
 
 /// What [`Bus::step`] wants from its caller.
@@ -130,9 +132,11 @@ pub struct Bus {
     outcomes: Outcomes,
     /// Whether there are new ones, or a motor that was to be off has news.
     has_outcomes: bool,
-    /// How often the write at the front was sent in vain, and whether no more are sent in this cycle but to switch motors off.
-    write_tries: u32,
+    /// Whether no more writes are sent in this cycle but to switch motors off.
     writes_done: bool,
+    /// Whether one was in vain in this cycle that was to switch a motor off: nor are more of these, but for the first time.
+    offs_done: bool,
+    repeats: Repeats,
     /// Whether there are new ones that switch motors off.
     offs_untold: bool,
     /// Until when answers may come to requests that were not waited for as long.
@@ -194,8 +198,9 @@ impl Bus {
             writes: VecDeque::with_capacity(QUEUE + 2 * n),
             outcomes: Outcomes::new(),
             has_outcomes: false,
-            write_tries: 0,
             writes_done: false,
+            offs_done: false,
+            repeats: Repeats::default(),
             offs_untold: false,
             in_time_until_ns: 0,
             ends: false,
@@ -241,7 +246,6 @@ impl Bus {
 
     /// No write is sent any more. A motor that was to be switched off is told so when the port is back.
     fn forget_writes(&mut self) {
-        self.write_tries = 0;
         self.offs_untold = false;
         while let Some(write) = self.writes.pop_front() {
             if write.switches_off() {
@@ -249,11 +253,13 @@ impl Bus {
             }
             self.note(write.servo, write.number, Err(WriteError::PortLost));
         }
+        self.forget_repeats();
     }
 
     /// Whether writes wait to be sent, or have to be sent again.
     pub fn has_writes(&self) -> bool {
-        !self.writes.is_empty() || self.servos.iter().any(|s| s.state.motor_off.unconfirmed)
+        let is_owed = |servo: &Servo| servo.state.motor_off.unconfirmed || servo.is_asked_off_again;
+        !self.writes.is_empty() || self.servos.iter().any(is_owed)
     }
 
     /// Forgets what the port held, and what was to be written: the port has been opened anew.
@@ -289,7 +295,7 @@ impl Bus {
         self.counters.cycles += 1;
         self.passes = 0;
         self.slow_done = self.ends;
-        self.writes_done = false;
+        (self.writes_done, self.offs_done) = (false, false);
         self.pass_active = false;
         // A cycle that the port did not see to its end leaves those that were to be asked in it.
         self.again.clear();
@@ -315,7 +321,8 @@ impl Bus {
         if self.pass.order.is_empty() || self.ends {
             return;
         }
-        let is_off_due = self.servos.iter().any(|servo| servo.is_off_due(now_ns));
+        let is_off_due =
+            self.servos.iter().any(|servo| servo.is_off_due(now_ns)) || self.is_repeat_due(now_ns);
         if is_off_due || self.writes.front().is_some_and(|write| write.urgent) {
             self.again.append(&mut self.pass.order);
             return;

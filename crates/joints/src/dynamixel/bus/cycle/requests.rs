@@ -37,11 +37,13 @@ impl Bus {
 
     /// Decides what comes after the pass that ended; `false` if the cycle is over.
     pub(super) fn next_request(&mut self, now_ns: u64) -> bool {
-        if !self.writes_done {
+        self.end_repeats(now_ns);
+        if !self.writes_done && !self.offs_done {
             self.switch_off_again(now_ns);
+            self.repeat_offs(now_ns);
         }
         let write = (self.writes.front().copied())
-            .filter(|write| !self.writes_done || self.is_first_off(write, now_ns));
+            .filter(|write| !self.is_done_with(write) || self.is_first_off(write, now_ns));
         if let Some(write) = write.filter(|write| write.urgent || self.again.is_empty()) {
             self.offs_untold = false;
             if !self.ask_watchdogs() {
@@ -84,6 +86,19 @@ impl Bus {
         write.urgent && write.tries == 0 && now_ns.saturating_sub(self.begun_ns) < OFFS_NS
     }
 
+    /// Whether no more like it are sent in this cycle.
+    fn is_done_with(&self, write: &Write) -> bool {
+        self.writes_done || write.urgent && self.offs_done
+    }
+
+    /// No more like it are sent in this cycle.
+    pub(super) fn be_done_with(&mut self, write: &Write) {
+        match write.urgent {
+            true => self.offs_done = true,
+            false => self.writes_done = true,
+        }
+    }
+
     /// Where nothing else is urgent, has a motor told again to be off of which nobody knows whether it is.
     fn switch_off_again(&mut self, now_ns: u64) {
         if self.writes.front().is_some_and(|write| write.urgent) {
@@ -96,13 +111,12 @@ impl Bus {
             .find(|servo| self.servos[*servo].is_off_due(now_ns) && !self.is_being_started(*servo));
         if let Some(servo) = due {
             self.off_turn = servo + 1;
-            self.write_tries = 0;
             self.insert_off(servo, 0);
         }
     }
 
     /// Whether a start waits that begins with switching the motor off.
-    fn is_being_started(&self, servo: usize) -> bool {
+    pub(super) fn is_being_started(&self, servo: usize) -> bool {
         let mut writes = self.writes.iter();
         writes.any(|write| write.servo == servo && write.is_motor_off())
     }
@@ -133,7 +147,7 @@ impl Bus {
         match self.pass.kind {
             Kind::Watchdog => self.end_watchdogs(),
             Kind::ReadBack if self.pass.order.len() == 1 => self.end_write(now_ns),
-            Kind::ReadBack if self.pass.told == 0 => self.write_tries = 0,
+            Kind::ReadBack if self.pass.told == 0 => {}
             Kind::ReadBack if self.writes.front().is_some_and(|write| write.urgent) => self.end_offs(now_ns),
             Kind::ReadBack => self.end_together(),
             Kind::Told => {}
@@ -201,7 +215,6 @@ impl Bus {
         }
         let urgent = writes[again..].iter().take_while(|write| write.urgent).count();
         writes[..again + urgent].rotate_left(again);
-        self.write_tries = 0;
         for i in (urgent..urgent + again).rev() {
             let write = self.writes[i];
             let mut offs = self.writes.iter().take(urgent);

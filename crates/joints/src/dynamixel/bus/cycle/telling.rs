@@ -82,9 +82,8 @@ impl Bus {
             &mut self.request,
             self.encoder.sync_write(first.address, assignments),
         );
-        // From here on it may be obeyed, whatever becomes of the port.
-        if first.is_motor_on() {
-            self.servos[first.servo].switched_on();
+        for servo in &self.pass.order {
+            self.servos[*servo].is_being_told(&first);
         }
         self.pass.begin(Kind::Told, first.address, 0);
         self.pass.told = self.pass.order.len();
@@ -175,10 +174,17 @@ impl Bus {
         if write.last {
             self.note(write.servo, write.number, Ok(()));
         }
+        let servo = &mut self.servos[write.servo];
+        if write.is_motor_off() && std::mem::take(&mut servo.is_asked_off_again) {
+            // By a start, which begins with it.
+            let number = servo.state.motor_off.newest;
+            self.note(write.servo, number, Ok(()));
+        }
         let urgent = self.writes.iter().take_while(|write| write.urgent);
+        let servo = &self.servos[write.servo];
         // Of two with its id the other may be on, so that theirs stay armed.
-        let is_shared = self.servos[write.servo].is_shared(self.begun_ns);
-        if write.switches_off() && !is_shared && urgent.clone().all(|other| other.servo != write.servo) {
+        let may_be_armed = !servo.is_disarmed && !servo.is_shared(self.begun_ns);
+        if write.switches_off() && may_be_armed && urgent.clone().all(|other| other.servo != write.servo) {
             // Its watchdog waits until the others have said that they are off.
             let behind = urgent.count();
             self.writes.insert(behind, Write::disarming(&write));
@@ -200,10 +206,7 @@ impl Bus {
             return;
         };
         let error = match (self.pass.answers[0], self.pass.refused) {
-            (Answer::Got, None) if self.pass.held[0] == Some(true) => {
-                self.write_tries = 0;
-                return self.end_held(0);
-            }
+            (Answer::Got, None) if self.pass.held[0] == Some(true) => return self.end_held(0),
             (Answer::Got, None) => write.not_held(),
             (Answer::Got, Some(error)) => WriteError::Servo(error),
             (Answer::Damaged, _) => WriteError::Damaged,
@@ -242,13 +245,16 @@ impl Bus {
     /// All have said what they hold, or will not any more. Those that were not heard are given their goals again in the next
     /// cycle: a busy host can miss an answer.
     pub(super) fn end_together(&mut self) {
-        if self.pass.left || self.write_tries + 1 < WRITE_TRIES {
-            self.write_tries += 1;
+        let mut tries = 0;
+        for write in self.writes.iter_mut().take(self.pass.told) {
+            write.tries += u32::from(!self.pass.left);
+            tries = write.tries.max(tries);
+        }
+        if tries < WRITE_TRIES {
             self.writes_done = true;
             self.let_urgent_pass();
             return;
         }
-        self.write_tries = 0;
         for position in 0..self.pass.order.len() {
             match self.pass.answers[position] {
                 Answer::Got => {}
@@ -263,7 +269,9 @@ impl Bus {
     fn tell_again(&mut self, at: usize, now_ns: u64) -> bool {
         let write = self.writes[at];
         // In the next cycle, where the others would not be read in this one.
-        self.writes_done |= self.pass.left && !self.is_first_off(&write, now_ns);
+        if self.pass.left && !self.is_first_off(&write, now_ns) {
+            self.be_done_with(&write);
+        }
         if !write.urgent {
             self.let_urgent_pass();
             return false;
@@ -279,13 +287,12 @@ impl Bus {
         let write = self.writes[at];
         let is_heard = !matches!(error, WriteError::Silent | WriteError::Damaged);
         // One that answers is told again at once, others in the next cycle.
-        self.writes_done |= !is_heard;
-        let tries = match write.urgent {
-            true => &mut self.writes[at].tries,
-            false => &mut self.write_tries,
-        };
-        *tries += 1;
-        let again = *tries < WRITE_TRIES && !matches!(error, WriteError::Servo(_));
+        if !is_heard {
+            self.be_done_with(&write);
+        }
+        let tries = write.tries + 1;
+        self.writes[at].tries = tries;
+        let again = tries < WRITE_TRIES && !matches!(error, WriteError::Servo(_));
         if again && self.servos[write.servo].state.alive {
             if !write.urgent {
                 self.let_urgent_pass();
@@ -298,7 +305,6 @@ impl Bus {
             return !self.let_pass(at, passes);
         }
         self.writes.remove(at);
-        self.write_tries = 0;
         self.counters.writes_failed += 1;
         if write.urgent && !write.is_motor_off() {
             // The motor is off, so that its watchdog has nothing to stop.

@@ -86,7 +86,6 @@ impl Bus {
     /// off until it confirms that.
     fn lose_motor(&mut self, servo: usize, lost: MotorLost) {
         let refused = WriteRefused::MotorLost { joint: servo, lost };
-        self.write_tries = 0;
         while let Some(at) = self.writes.iter().position(|write| write.servo == servo) {
             if !self.writes[at].moves() {
                 // It is about to be started anew, which begins with switching it off.
@@ -161,19 +160,25 @@ impl Bus {
             let next = bus.writes.iter().find(|write| write.servo == servo);
             bus.servos[servo].watch != Watch::Known && next.is_some_and(Write::moves)
         };
-        let open = (self.pass.order.iter()).filter(|servo| is_open(self, **servo));
-        let (all, living) = open.fold((0, 0), |(all, living), servo| {
-            (all + 1, living + u32::from(self.servos[*servo].state.alive))
-        });
-        if all == 0 {
+        let (mut tries, mut any_lives) = (0, false);
+        for position in 0..self.pass.order.len() {
+            let servo = self.pass.order[position];
+            if !is_open(self, servo) {
+                continue;
+            }
+            any_lives |= self.servos[servo].state.alive;
+            if let Some(next) = self.writes.iter_mut().find(|write| write.servo == servo) {
+                next.tries += 1;
+                tries = next.tries.max(tries);
+            }
+        }
+        if tries == 0 {
             return;
         }
-        self.write_tries += 1;
-        if refused.is_none() && living > 0 && self.write_tries < WRITE_TRIES {
+        if refused.is_none() && any_lives && tries < WRITE_TRIES {
             self.writes_done = !self.writes.front().is_some_and(|write| write.urgent);
             return;
         }
-        self.write_tries = 0;
         for position in 0..self.pass.order.len() {
             let servo = self.pass.order[position];
             if !is_open(self, servo) {
