@@ -134,13 +134,6 @@ impl Contacts {
         }
     }
 
-    /// Whether the taxel of this number in raster order is a contact of this frame.
-    #[inline]
-    pub(crate) fn is_listed(&self, rank: u16) -> bool {
-        let rank = usize::from(rank);
-        self.listed[rank / BITS] >> (rank % BITS) & 1 == 1
-    }
-
     /// Numbers of all taxels in raster order.
     pub(crate) fn raster(&self) -> Vec<usize> {
         self.raster.iter().map(|place| place.taxel).collect()

@@ -7,14 +7,19 @@ use crate::contacts::Contacts;
 /// Contacts whose forces differ by so many times what those of neighbours differ by in the mean are as far apart in height as
 /// neighbouring taxels in the plane.
 const STEPS_A_PITCH: f64 = 4.75;
+/// Forces that are looked at together.
+const AT_ONCE: usize = 8;
 
 /// The heights of a frame, and what they are measured by.
 #[derive(Debug)]
 pub(crate) struct Heights {
-    /// Of each taxel in raster order the next one of its module in its row, and in its column; itself where there is none.
+    /// Of each taxel in raster order the next one of its module in its row, and in its column; the number of taxels where
+    /// there is none.
     next: Vec<[u16; 2]>,
-    /// Force of each contact, by its taxel's number in raster order. Of other taxels it is of an earlier frame.
+    /// Force of each taxel in raster order that is a contact. NaN of any other, and behind the last.
     force_at: Vec<f64>,
+    /// The contacts whose forces these are.
+    known: Vec<u16>,
     height: Vec<f64>,
 }
 
@@ -23,7 +28,8 @@ impl Heights {
     pub(crate) fn new(geometry: &Geometry, raster: &[usize]) -> Self {
         Self {
             next: next(geometry, raster),
-            force_at: vec![0.0; raster.len()],
+            force_at: vec![f64::NAN; raster.len() + 1],
+            known: Vec::with_capacity(raster.len()),
             height: Vec::with_capacity(raster.len()),
         }
     }
@@ -38,8 +44,7 @@ impl Heights {
     pub(crate) fn raise(&mut self, contacts: &Contacts, pitch: f64) {
         self.height.clear();
         let forces = &contacts.force;
-        let least = forces.iter().copied().fold(f64::INFINITY, f64::min);
-        let most = forces.iter().copied().fold(0.0, f64::max);
+        let (least, most) = ends(forces);
         if pitch > 0.0 && most > least {
             // No less than a way from the least force to the greatest by all contacts would have. So heights are finite.
             let step = self.step(contacts).max((most - least) / forces.len() as f64);
@@ -53,19 +58,23 @@ impl Heights {
     /// contacts, or more; where there are fewer, each that lacks counts as what forces differ by from their mean.
     fn step(&mut self, contacts: &Contacts) -> f64 {
         let forces = &contacts.force;
+        for rank in self.known.drain(..) {
+            self.force_at[usize::from(rank)] = f64::NAN;
+        }
+        self.known.extend_from_slice(&contacts.rank);
         for (rank, force) in contacts.rank.iter().zip(forces) {
             self.force_at[usize::from(*rank)] = *force;
         }
-        let (mut steps, mut pairs) = ([0.0; 2], 0);
+        let (mut steps, mut pairs) = ([0.0; 2], [0; 2]);
         for (rank, force) in contacts.rank.iter().zip(forces) {
-            for (sum, next) in steps.iter_mut().zip(self.next[usize::from(*rank)]) {
-                let touched = next != *rank && contacts.is_listed(next);
-                let step = (self.force_at[usize::from(next)] - force).abs();
-                *sum += if touched { step } else { 0.0 };
-                pairs += usize::from(touched);
+            let next = self.next[usize::from(*rank)].map(|next| self.force_at[usize::from(next)]);
+            for (axis, next) in next.into_iter().enumerate() {
+                let step = (next - force).abs();
+                steps[axis] += if step.is_nan() { 0.0 } else { step };
+                pairs[axis] += usize::from(!step.is_nan());
             }
         }
-        let steps = steps[0] + steps[1];
+        let (steps, pairs) = (steps[0] + steps[1], pairs[0] + pairs[1]);
         let fewest = forces.len() - 1;
         if pairs >= fewest {
             return steps / pairs as f64;
@@ -76,11 +85,26 @@ impl Heights {
     }
 }
 
-/// Of each taxel in raster order the next one of its module in its row, and in its column; itself where there is none. Between
-/// taxels of a hexagonal skin there are pixels without one.
+/// The least and the greatest of some forces, looked at several at once.
+fn ends(forces: &[f64]) -> (f64, f64) {
+    let (several, left) = forces.as_chunks::<AT_ONCE>();
+    let mut ends = [[f64::INFINITY; AT_ONCE], [0.0; AT_ONCE]];
+    for forces in several {
+        for (n, force) in forces.iter().enumerate() {
+            ends[0][n] = if *force < ends[0][n] { *force } else { ends[0][n] };
+            ends[1][n] = if *force > ends[1][n] { *force } else { ends[1][n] };
+        }
+    }
+    let all = |ends: [f64; AT_ONCE]| ends.into_iter().chain(left.iter().copied());
+    let least = all(ends[0]).fold(f64::INFINITY, f64::min);
+    (least, all(ends[1]).fold(0.0, f64::max))
+}
+
+/// Of each taxel in raster order the next one of its module in its row, and in its column; the number of taxels where there is
+/// none. Between taxels of a hexagonal skin there are pixels without one.
 fn next(geometry: &Geometry, raster: &[usize]) -> Vec<[u16; 2]> {
-    let ranks = (0..=u16::MAX).take(raster.len());
-    let mut next: Vec<[u16; 2]> = ranks.clone().map(|rank| [rank; 2]).collect();
+    let ranks = 0..raster.len() as u16;
+    let mut next = vec![[raster.len() as u16; 2]; raster.len()];
     for (axis, across) in [(0, 1), (1, 0)] {
         let place = |rank: &u16| {
             let taxel = &geometry.taxels[raster[usize::from(*rank)]];
@@ -114,7 +138,7 @@ mod tests {
             let next = neighbours(&Layout::builtin(name).unwrap());
             let mut paired = vec![false; next.len()];
             for (rank, to) in next.iter().enumerate() {
-                for to in to.iter().filter(|to| usize::from(**to) != rank) {
+                for to in to.iter().filter(|to| usize::from(**to) < next.len()) {
                     paired[rank] = true;
                     paired[usize::from(*to)] = true;
                 }
@@ -126,6 +150,6 @@ mod tests {
     #[test]
     fn on_a_grid_the_next_taxels_are_to_the_right_and_below() {
         let next = neighbours(&Layout::grid(3, 2).unwrap());
-        assert_eq!(next, [[1, 3], [2, 4], [2, 5], [4, 3], [5, 4], [5, 5]]);
+        assert_eq!(next, [[1, 3], [2, 4], [6, 5], [4, 6], [5, 6], [6, 6]]);
     }
 }
