@@ -378,13 +378,15 @@ fn faults_of_module(scene: &Scene, layout: &Layout, m: usize) -> Result<Vec<(Spa
     Ok(faults)
 }
 
-/// What the faults of a scene do to a bus, and what they send on it.
+/// What the faults of a scene do to a bus and when, and what they send on it.
+type FaultsOfBus = (Vec<(Span, BusFault)>, Vec<Injector>);
+
 fn faults_of_bus(
     scene: &Scene,
     layout: &Layout,
     clock: SceneClock,
     index: u8,
-) -> Result<(Vec<(Span, BusFault)>, Vec<Injector>), SceneError> {
+) -> Result<FaultsOfBus, SceneError> {
     let mut faults = Vec::new();
     let mut injectors = Vec::new();
     for fault in &scene.faults {

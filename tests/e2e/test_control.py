@@ -390,6 +390,7 @@ def test_who_holds_a_motor_that_was_not_confirmed_is_told_so_and_it_is_let_go_wi
             for hold, is_held in [({}, False), ({"hold_ms": 10_000}, True)]:
                 refused = ask(client, {**on, **hold})
                 assert not refused["ok"] and (held in refused["error"]) == is_held, refused
+                assert ("its motor may run, and nobody holds it" in refused["error"]) != is_held, refused
             status, said = servo(daemon, "joint 5", "--torque", "on")
             assert status == 1 and f"driven by user {os.getuid()}, process {os.getpid()}" in said, said
         servos.tell("mend 5")

@@ -411,7 +411,8 @@ mod tests {
 
     #[tokio::test(start_paused = true)]
     async fn whose_hold_another_has_ended_keeps_its_place_no_longer_than_who_is_idle() {
-        let ends: [(&str, fn(&Hold<'_>)); 3] = [
+        type End = fn(&Hold<'_>);
+        let ends: [(&str, End); 3] = [
             ("off", |other| other.note(0, OFF, None)),
             ("held by another", |other| other.note(0, ON, Some(200.0))),
             ("found off", |other| other.end_others(0)),

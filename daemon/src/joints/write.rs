@@ -174,6 +174,9 @@ pub(crate) async fn write(
             Some(_) if hold.holds(joint) => {
                 "; its motor may run, and is held by this connection until that lets go or has it switched off"
             }
+            None if !matches!(command, WriteCommand::GoalPwm(_)) && !servos.is_off(joint) => {
+                "; its motor may run, and nobody holds it: have it switched off, or ask again"
+            }
             _ => "",
         };
         return Err(failed(format!("{why}{held}")).into());

@@ -341,3 +341,35 @@ fn what_waits_to_be_told_once_more_at_the_end_is_told_first() {
     );
     assert_eq!([0, 1].map(|servo| newest(&w, servo)), [Some(Ok(())); 2]);
 }
+
+#[test]
+fn the_watchdogs_of_motors_that_are_switched_off_without_end_are_cleared() {
+    let mut w = slow(2, 60 * MS);
+    let mut flood = Flood::new(&w, 0..2, Again::Always);
+    w.bus.begin(w.now_ns);
+    while (1..=2).any(|id| register(&w, id, WATCHDOG.into(), 1) != 0) {
+        flood.go_on(&mut w);
+    }
+    assert!((0..2).all(|servo| says_off(&w, servo)));
+}
+
+#[test]
+fn what_a_motor_that_is_off_is_being_told_to_start_it_is_not_told_again_behind_a_torque_off() {
+    let mut w = watched(2, 2540);
+    switch_off(&mut w, 0..1);
+    w.cycles(10);
+    w.bus.command(0, WriteCommand::Start(9)).unwrap();
+    w.bus.begin(w.now_ns);
+    while w.requests.last().and_then(|r| write_of(r)) != Some((1, WATCHDOG, 127)) {
+        assert!(w.turn());
+    }
+    w.fault(1, ServoFault::Silent);
+    w.bus.numbered_command(7, 0, OFF).unwrap();
+    while w.turn() {}
+    w.servos.set_fault(1, None, 1);
+    w.requests.clear();
+    w.cycles(30);
+    assert!(!w.requests.iter().any(|r| write_of(r) == Some((1, WATCHDOG, 127))));
+    assert_eq!([TORQUE, WATCHDOG].map(|at| register(&w, 1, at.into(), 1)), [0, 0]);
+    assert_eq!(newest(&w, 0), Some(Ok(())));
+}

@@ -121,8 +121,8 @@ pub enum WriteError {
     /// Its motor was switched off since.
     #[error("its motor was switched off since, by another request")]
     SwitchedOff,
-    /// The port was lost before it was sent.
-    #[error("the port was lost before it was sent")]
+    /// The port was lost before all of it was confirmed. Some may have been sent.
+    #[error("the port was lost before the servo confirmed it")]
     PortLost,
     /// Nobody knows yet.
     #[error(
