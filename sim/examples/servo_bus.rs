@@ -6,7 +6,8 @@
 //! break and mend servos: `fault ID
 //! silent|bad-crc|truncated:BYTES|late:MS|garbage:BYTES|noise:BYTES|refuse:NUMBER|twice [EVERY]`, `mend ID`, `error ID
 //! BITS`; `mode ID OPERATING_MODE`; `register ID ADDRESS BYTES` prints what stands in a servo's table; `stopped ID` prints when its bus watchdog
-//! stopped it (CLOCK_MONOTONIC, nanoseconds; 0 for never); `traffic` prints how
+//! stopped it (CLOCK_MONOTONIC, nanoseconds; 0 for never); `watchdogs hold` has no time pass for any of these, so that none
+//! acts because this machine is held up, until `watchdogs run`; `traffic` prints how
 //! many bytes the bus has heard, has said, and has still to say, and whether its client has hung up
 //! (1) or not (0). Options: `--return-delay STEPS` (of 2 us), `--motion still|sine`, `--no-fast`,
 //! `--stop-after-silence`, `--link PATH` (a stable name that points to the terminal), `--load` (servos of a gripper that
@@ -22,7 +23,7 @@ use std::sync::{Arc, Mutex};
 use std::time::Duration;
 use taxel_sim::servo::{
     AfterSilence, ForearmFinger, LinePty, Load, Motion, ServoBuild, ServoBus, ServoPty, SpringWall,
-    StableLink,
+    StableLink, servo_clock_ns,
 };
 
 fn main() -> Result<(), Box<dyn Error>> {
@@ -160,12 +161,24 @@ fn command(pty: &ServoPty, line: &str) -> Result<String, Box<dyn Error>> {
             let servo = bus.servo(id.parse()?).ok_or("no such servo")?;
             return Ok(servo.stopped_ns().unwrap_or(0).to_string());
         }
+        ["watchdogs", "hold"] => {
+            bus.hold_watchdogs();
+            true
+        }
+        ["watchdogs", "run"] => {
+            bus.run_watchdogs(servo_clock_ns());
+            true
+        }
         ["traffic"] => {
             let t = bus.traffic();
             let (heard, said, due) = (t.heard_bytes, t.said_bytes, t.due_bytes);
             return Ok(format!("{heard} {said} {due} {}", u8::from(t.hung_up)));
         }
-        _ => return Err("commands are fault, mend, error, mode, register, stopped and traffic".into()),
+        _ => {
+            return Err(
+                "commands are fault, mend, error, mode, register, stopped, watchdogs and traffic".into(),
+            );
+        }
     };
     if known {
         Ok("ok".into())

@@ -125,6 +125,18 @@ impl ServoBus {
         true
     }
 
+    /// From now on no time passes for any bus watchdog, whoever is silent: none acts since this machine is held up.
+    pub fn hold_watchdogs(&mut self) {
+        self.servos.iter_mut().for_each(SimServo::hold_watchdog);
+    }
+
+    /// Time passes again for them, from `now_ns`: silence counts from there.
+    pub fn run_watchdogs(&mut self, now_ns: u64) {
+        self.servos
+            .iter_mut()
+            .for_each(|servo| servo.run_watchdog(now_ns));
+    }
+
     /// Takes bytes that the host sent, which came from the host at `t_ns`.
     pub fn receive(&mut self, bytes: &[u8], t_ns: u64) {
         self.heard_bytes += bytes.len() as u64;

@@ -49,6 +49,8 @@ pub struct SimServo {
     heard_ns: u64,
     /// When its bus watchdog stopped it last.
     stopped_ns: Option<u64>,
+    /// Whether no time passes for its bus watchdog.
+    is_watchdog_held: bool,
     /// What a registered write has for Action to carry out: an address and its bytes.
     registered: Option<(u16, Vec<u8>)>,
     /// Pulses that Clear has taken off its position.
@@ -96,6 +98,7 @@ impl SimServo {
             answers: 0,
             heard_ns: 0,
             stopped_ns: None,
+            is_watchdog_held: false,
             registered: None,
             cleared: 0.0,
             up_ns: 0,
@@ -149,11 +152,21 @@ impl SimServo {
         t_ns >= self.up_ns
     }
 
-    /// When its bus watchdog stops it if nobody speaks until then; `None` where it is not armed.
+    /// From now on no time passes for its bus watchdog.
+    pub(crate) fn hold_watchdog(&mut self) {
+        self.is_watchdog_held = true;
+    }
+
+    /// Time passes again for its bus watchdog, from `now_ns`.
+    pub(crate) fn run_watchdog(&mut self, now_ns: u64) {
+        self.is_watchdog_held = false;
+        self.heard_ns = self.heard_ns.max(now_ns);
+    }
+
+    /// When its bus watchdog stops it if nobody speaks until then; `None` where it is not armed, or held.
     fn trips_ns(&self) -> Option<u64> {
         let steps = self.table.get(address::BUS_WATCHDOG, 1);
-        (1..=127)
-            .contains(&steps)
+        (!self.is_watchdog_held && (1..=127).contains(&steps))
             .then(|| self.heard_ns + steps as u64 * WATCHDOG_STEP_NS)
     }
 

@@ -269,6 +269,22 @@ fn a_motor_stops_within_its_watchdog_though_nobody_speaks() {
 }
 
 #[test]
+fn a_watchdog_that_is_held_counts_no_silence_until_it_runs_again() {
+    let mut bench = Bench::new([1]);
+    bench.bus.hold_watchdogs();
+    bench.write(1, WATCHDOG, &[5]);
+    bench.now_ns += 10_000 * MS;
+    bench.bus.handle_time(bench.now_ns);
+    assert_eq!(bench.register(1, WATCHDOG, 1), 5);
+    let runs_ns = bench.now_ns;
+    bench.bus.run_watchdogs(runs_ns);
+    for (after_ns, register) in [(100 * MS, 5), (100 * MS + 1, 255)] {
+        bench.bus.handle_time(runs_ns + after_ns);
+        assert_eq!(bench.register(1, WATCHDOG, 1), register);
+    }
+}
+
+#[test]
 fn torque_moves_no_motor_whose_watchdog_has_stopped_it() {
     let mut bench = Bench::new([1]);
     bench.bus.servo_mut(1).unwrap().set_operating_mode(16);
