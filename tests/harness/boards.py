@@ -3,8 +3,9 @@
 import os
 import socket
 import struct
-import threading
 import time
+
+from harness.beside import Beside
 
 FRAME = struct.Struct("=IB3x8s")
 
@@ -45,29 +46,23 @@ class AllegroFingers:
             yield FRAME.pack(0x3C0 | 2 << 3 | 3 + finger, 8, struct.pack("<4H", *(32768 + c for c in counts)))
 
 
-class BoardsOnTheBus:
-    """Plays boards in a thread of its own. `boards` may be changed at any time."""
+class BoardsOnTheBus(Beside):
+    """Plays boards. `boards` may be changed at any time."""
 
     def __init__(self, names, boards, rate_hz=20):
+        super().__init__()
         self.names = list(names)
         self.boards = boards
         self.period_s = 1 / rate_hz
         self.sockets = [None] * len(self.names)
-        self.stop = threading.Event()
-        self.thread = threading.Thread(target=self._run, daemon=True)
 
-    def __enter__(self):
-        self.thread.start()
-        return self
-
-    def __exit__(self, *_):
-        self.stop.set()
-        self.thread.join()
+    def __exit__(self, *ended):
+        super().__exit__(*ended)
         for s in self.sockets:
             if s:
                 s.close()
 
-    def _run(self):
+    def run(self):
         # A single CPU, so that frames do not overtake each other in the queues of virtual interfaces.
         os.sched_setaffinity(0, {0})
         turn = 0
@@ -126,27 +121,21 @@ class BoardsOnTheBus:
             self._lost(board.bus)
 
 
-class Babbler:
+class Babbler(Beside):
     """A node that sends one id again and again, `rate_hz` times a second however seldom it gets to run."""
 
     def __init__(self, name, id, rate_hz):
+        super().__init__()
         self.socket = socket.socket(socket.AF_CAN, socket.SOCK_RAW, socket.CAN_RAW)
         self.socket.bind((name,))
         self.frame = FRAME.pack(id, 8, b"\xba" * 8)
         self.rate_hz = rate_hz
-        self.stop = threading.Event()
-        self.thread = threading.Thread(target=self._run, daemon=True)
 
-    def __enter__(self):
-        self.thread.start()
-        return self
-
-    def __exit__(self, *_):
-        self.stop.set()
-        self.thread.join()
+    def __exit__(self, *ended):
+        super().__exit__(*ended)
         self.socket.close()
 
-    def _run(self):
+    def run(self):
         began, sent = time.monotonic(), 0
         while not self.stop.wait(0.003):
             due = int((time.monotonic() - began) * self.rate_hz)

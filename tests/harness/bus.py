@@ -1,6 +1,6 @@
 """Buses between python-can and the daemon."""
 
-import contextlib
+import collections
 import socket
 import subprocess
 import time
@@ -11,13 +11,22 @@ GROUP = "239.74.163.2"  # python-can's IPv4 default
 BURST = 150  # a python-can receiver holds 256 datagrams, of which one must not count on all
 
 
+# Sockets whose ports this process has taken; more than a test needs.
+TAKEN = collections.deque(maxlen=64)
+
+
 def free_udp_ports(count):
-    """UDP ports nobody uses, each another. Groups leak between sockets on one port, so a test isolates itself by port."""
-    with contextlib.ExitStack() as stack:
-        probes = [stack.enter_context(socket.socket(socket.AF_INET, socket.SOCK_DGRAM)) for _ in range(count)]
-        for probe in probes:
-            probe.bind(("", 0))
-        return [probe.getsockname()[1] for probe in probes]
+    """UDP ports nobody uses, each another. Groups leak between sockets on one port, so a test isolates itself by port.
+
+    A socket of the loopback, which hears nothing of groups, keeps each from being given to anybody else who asks for any; who
+    names it may use it as well.
+    """
+    for _ in range(count):
+        taken = socket.socket(socket.AF_INET, socket.SOCK_DGRAM)
+        taken.bind(("127.0.0.1", 0))
+        taken.setsockopt(socket.SOL_SOCKET, socket.SO_REUSEADDR, 1)
+        TAKEN.append(taken)
+    return [taken.getsockname()[1] for taken in list(TAKEN)[-count:]]
 
 
 def free_udp_port():

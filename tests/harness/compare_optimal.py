@@ -2,7 +2,7 @@
 
 import numpy as np
 from exact_levels import optimal_levels
-from sequential_clustering import cluster_level, compress, contact_list, greys, spread
+from sequential_clustering import compress, contact_list, greys, spread
 
 
 class Frame:

@@ -6,7 +6,9 @@ import os
 import signal
 import socket
 import subprocess
+import threading
 import time
+from contextlib import contextmanager
 from pathlib import Path
 
 import pytest
@@ -67,6 +69,23 @@ def reader_of(path):
             return None
 
     return eventually(listens, f"nobody listens at {path}")
+
+
+def gathered(reader, kind):
+    """The list that a reader's messages of a kind are added to as they come: the header of each, and what it says."""
+    found = []
+
+    def read():
+        try:
+            while True:
+                message = reader.receive()
+                if message.header.type == kind:
+                    found.append((message.header, message.json()))
+        except taxel_reader.Closed:
+            pass
+
+    threading.Thread(target=read, daemon=True).start()
+    return found
 
 
 def toml(value, within=""):
@@ -177,9 +196,13 @@ class Daemon:
             raise AssertionError(f"taxeld did not end within {seconds} s of {by!r}:\n{self.log}") from None
 
     def hold(self):
-        """Stops it, as a machine that is held up, until SIGCONT; it is when this returns."""
+        """Stops it, as a machine that is held up; it is when this returns."""
         self.process.send_signal(signal.SIGSTOP)
         os.waitid(os.P_PID, self.process.pid, os.WSTOPPED)
+
+    def go_on(self):
+        """Ends that."""
+        self.process.send_signal(signal.SIGCONT)
 
     def kill(self):
         if self.process and self.process.poll() is None:
@@ -192,8 +215,7 @@ class Daemon:
 
     def control(self, cmd, **arguments):
         """One request on the control socket; its reply."""
-        with socket.socket(socket.AF_UNIX, socket.SOCK_STREAM) as connection:
-            connection.connect(str(self.control_path))
+        with connect(self.control_path) as connection:
             connection.settimeout(HANGS_AFTER_S)
             return ask(connection, {"cmd": cmd, **arguments})
 
@@ -236,6 +258,38 @@ def kinds(status):
 def problem(status, kind):
     """The first problem of this kind, None where there is none."""
     return next((p for p in status["problems"] if p["kind"] == kind), None)
+
+
+def connect(path):
+    """A connection to a socket that takes requests. It waits where more come at once than are let in."""
+    connection = socket.socket(socket.AF_UNIX, socket.SOCK_STREAM)
+    connection.connect(str(path))
+    return connection
+
+
+@contextmanager
+def asking_on(connection):
+    """Something is asked on a connection time and again, so that nothing is let go for its silence."""
+    over = threading.Event()
+
+    def ask_on():
+        while not over.wait(0.2):
+            ask(connection, {"cmd": "status"})
+
+    thread = threading.Thread(target=ask_on)
+    thread.start()
+    try:
+        yield
+    finally:
+        over.set()
+        thread.join()
+
+
+def told_once_each_time(log, said):
+    """Whether a log that says something more than once says that it was over in between, or that it left that out."""
+    behind = log.split(said)[1:]
+    again = [" (after " in before or "in between were not told" in after.split("\n")[0] for before, after in zip(behind, behind[1:])]
+    return bool(behind) and all(again)
 
 
 def ask(connection, request):

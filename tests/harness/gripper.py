@@ -5,7 +5,7 @@ import socket
 import subprocess
 import sys
 
-from harness.daemon import ask
+from harness.daemon import ask, connect
 from harness.joints import WRITING
 
 SCENE = ["sim:idle", "sim:idle"]
@@ -34,9 +34,7 @@ def registers(servos, at):
 
 
 def control(daemon):
-    connection = socket.socket(socket.AF_UNIX, socket.SOCK_STREAM)
-    connection.connect(str(daemon.control_path))
-    return connection
+    return connect(daemon.control_path)
 
 
 def control_of_another(daemon):

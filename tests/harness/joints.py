@@ -21,14 +21,14 @@ def dynamixel(path, **more):
 
 
 class Watch:
-    """`taxel watch --json`, whose lines are collected from now on."""
+    """`taxel watch --json`, whose lines are collected from now on, or with `--reconnect` from when the daemon is there."""
 
-    def __init__(self, daemon):
+    def __init__(self, daemon, *options):
         self.lines = []
         self.folder = daemon.folder
         self.told = (self.folder / "watch.log").open("wb")
         self.process = subprocess.Popen(
-            [binary("taxel"), "watch", "--json", "--socket", daemon.images],
+            [binary("taxel"), "watch", "--json", "--socket", daemon.images, *options],
             stdout=subprocess.PIPE,
             stderr=self.told,
             text=True,

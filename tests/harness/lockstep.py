@@ -27,6 +27,8 @@ TABLES = {
 }
 
 
+# For who looks at the last image for long: none that tells of silence takes its place.
+NEVER_SILENT = {"mode": "sweep", "silent_ms": 60_000}
 CALIBRATION_FRAMES = 2
 
 

@@ -1,14 +1,18 @@
 """`taxel record` of a daemon as a process, and what is in its file."""
 
+import io
 import resource
 import signal
+import struct
 import subprocess
 from contextlib import contextmanager, suppress
 
-from harness.daemon import binary, die_with_parent
-from mcap.exceptions import McapError
+from harness.daemon import HANGS_AFTER_S, binary, die_with_parent
+from mcap.exceptions import EndOfFile
 from mcap.reader import NonSeekingReader
 from mcap_ros2.decoder import DecoderFactory
+
+SIGNATURE = b"\x89MCAP0\r\n"
 
 
 def with_room(limit=None):
@@ -66,6 +70,15 @@ def recording(daemon, out, *arguments, **options):
         recorder.process.wait()
 
 
+def longer_each_time():
+    """Seconds to record for, until enough has come: how many that takes says how busy the machine is."""
+    seconds = 0.5
+    while seconds < HANGS_AFTER_S:
+        yield seconds
+        seconds *= 2
+    raise AssertionError(f"not enough has come in {seconds / 2} s")
+
+
 def taxel(*arguments):
     """Runs a command; what it says on stderr."""
     done = subprocess.run([binary("taxel"), *arguments], capture_output=True, text=True)
@@ -73,10 +86,30 @@ def taxel(*arguments):
     return done.stderr
 
 
+def whole_records(path):
+    """The bytes of a recording that is being written, up to the end of its last whole record; none before there is one."""
+    try:
+        data = path.read_bytes()
+    except FileNotFoundError:
+        return b""
+    end = len(SIGNATURE)
+    # A byte says what a record is, eight behind it how long it is from there.
+    while end + 9 <= len(data) and (after := end + 9 + struct.unpack_from("<Q", data, end + 1)[0]) <= len(data):
+        end = after
+    return data[:end] if end <= len(data) else b""
+
+
+def is_whole(path):
+    """Whether a recording has its end, which is as it begins: the signature."""
+    return path.exists() and path.read_bytes()[len(SIGNATURE) :].endswith(SIGNATURE)
+
+
 def messages(path, *topics):
-    """Messages by topic, of these topics or of all, decoded by mcap-ros2-support; also of a file without its end, or not made yet."""
+    """Messages by topic, of these topics or of all, decoded by mcap-ros2-support; also of a file that is being written, or not made yet."""
     decoder, by_topic = DecoderFactory(), {}
-    with suppress(McapError, FileNotFoundError), path.open("rb") as file:
+    # The reader takes what is torn off in the middle of a record for anything.
+    file = io.BytesIO(whole_records(path))
+    with suppress(EndOfFile):
         read = NonSeekingReader(file, decoder_factories=[decoder]).iter_decoded_messages(topics or None, log_time_order=False)
         for schema, channel, message, decoded in read:
             by_topic.setdefault(channel.topic, []).append((schema.name, message.log_time, decoded))
@@ -86,6 +119,11 @@ def messages(path, *topics):
 def of_topic(path, topic):
     """Those of one topic."""
     return messages(path, topic).get(topic, [])
+
+
+def can_frames(path):
+    """How many CAN frames are in a recording."""
+    return sum(len(block.id) for _, _, block in of_topic(path, "/taxel/can"))
 
 
 def marks(path):

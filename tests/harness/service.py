@@ -4,12 +4,11 @@ import ctypes
 import json
 import os
 import shutil
-import socket
 import subprocess
 import threading
 from pathlib import Path
 
-from harness.daemon import ask, eventually, toml
+from harness.daemon import HANGS_AFTER_S, ask, connect, eventually, toml
 
 UNITS = Path("/etc/systemd/system")
 DATABASE = Path("/var/lib/taxel-dpkg")
@@ -152,8 +151,7 @@ class Service:
         return self.runtime / "images.sock"
 
     def control(self, cmd, **arguments):
-        with socket.socket(socket.AF_UNIX, socket.SOCK_STREAM) as connection:
-            connection.connect(str(self.runtime / "control.sock"))
+        with connect(self.runtime / "control.sock") as connection:
             reply = ask(connection, {"cmd": cmd, **arguments})
             assert reply["ok"], reply
             return reply
@@ -197,7 +195,7 @@ class Held:
 
     def __enter__(self):
         self.holder.start()
-        assert self.is_held.wait(20), "the thread cannot be held"
+        assert self.is_held.wait(HANGS_AFTER_S), "the thread cannot be held"
         return self
 
     def __exit__(self, *_):

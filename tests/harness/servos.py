@@ -32,9 +32,12 @@ class Traffic(NamedTuple):
 
 
 class Servos:
-    """A bus of servos. `close` pulls its plug."""
+    """A bus of servos. `close` pulls its plug.
 
-    def __init__(self, *arguments):
+    Their bus watchdogs stand still until the test has them run: none acts only because the machine was held up.
+    """
+
+    def __init__(self, *arguments, watchdogs="hold"):
         # A link of its own: the number of a terminal that is closed is soon that of another test's.
         self._folder = Path(tempfile.mkdtemp(prefix="taxel-servos-"))
         link = self._folder / "servos"
@@ -43,6 +46,7 @@ class Servos:
         terminal = self.process.stdout.readline().strip()
         self.path = str(link) if linked else terminal
         self.written = 0  # bytes that ports of this test have sent
+        self.tell(f"watchdogs {watchdogs}")
 
     def _ask(self, command):
         self.process.stdin.write(command + "\n")

@@ -15,7 +15,7 @@ class Hand:
     def __init__(self, scene="roll", servos=4):
         self.sources = [f"udp:{GROUP}:{port}?hops=0" for port in free_udp_ports(2)]
         self.ids = range(1, servos + 1)
-        self.servos = Servos("--ids", f"1-{servos}")
+        self.servos = Servos("--ids", f"1-{servos}", watchdogs="run")
         self.scene = scene
         self.come()
 

@@ -31,7 +31,7 @@ class Screen(pyte.Screen):
 
 
 class Terminal:
-    """A program on a terminal, of 100x30 or as large as its screen."""
+    """A program on a terminal, of 100x30 or as large as its screen. As a context: it is gone afterwards."""
 
     def __init__(self, folder, *arguments, screen=None):
         self.keys, theirs = pty.openpty()
@@ -52,6 +52,14 @@ class Terminal:
         # What is sent are changes of the picture: a letter that was there before is not sent again.
         self.stream = pyte.ByteStream(self.screen)
 
+    def __enter__(self):
+        return self
+
+    def __exit__(self, *_):
+        self.process.kill()
+        self.process.wait()
+        os.close(self.keys)
+
     def shows(self, text):
         try:
             while part := os.read(self.keys, 65536):
@@ -65,3 +73,14 @@ class Terminal:
 
     def press(self, key):
         os.write(self.keys, key.encode())
+
+    def end(self):
+        """Waits until the program has ended, while all that it still shows is taken; its status."""
+
+        def ended():
+            self.shows("")
+            return self.process.poll() is not None
+
+        eventually(ended, "it does not end")
+        self.shows("")
+        return self.process.returncode
