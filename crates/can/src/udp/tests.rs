@@ -2,16 +2,19 @@ use super::*;
 use nix::poll::{PollFd, PollFlags, PollTimeout, poll};
 use nix::sched::{CpuSet, sched_getaffinity, sched_setaffinity};
 use nix::unistd::Pid;
+use std::net::UdpSocket;
 use std::time::{Duration, Instant};
 
-/// Each test has a port of its own and keeps its datagrams on this machine.
-fn options(port: u16) -> UdpOptions {
-    UdpOptions {
-        port,
+/// A port that nobody else is given as long as the socket lives, which hears nothing of groups; datagrams stay on this machine.
+fn options() -> (UdpSocket, UdpOptions) {
+    let kept = UdpSocket::bind("127.0.0.1:0").unwrap();
+    let options = UdpOptions {
+        port: kept.local_addr().unwrap().port(),
         interface: Some("lo".to_owned()),
         hop_limit: 0,
         ..UdpOptions::default()
-    }
+    };
+    (kept, options)
 }
 
 fn frame(n: u16) -> CanFrame {
@@ -61,8 +64,9 @@ pub(crate) fn stay_on_one_cpu() {
 #[test]
 fn two_sources_hear_each_other_and_not_themselves() {
     stay_on_one_cpu();
-    let mut a = UdpMulticast::with_options(&options(50117)).unwrap();
-    let mut b = UdpMulticast::with_options(&options(50117)).unwrap();
+    let (_kept, options) = options();
+    let mut a = UdpMulticast::with_options(&options).unwrap();
+    let mut b = UdpMulticast::with_options(&options).unwrap();
     let before_ns = monotonic_ns();
     for n in 0..100 {
         a.send(&frame(n)).unwrap();
@@ -86,13 +90,14 @@ fn two_sources_hear_each_other_and_not_themselves() {
 
 #[test]
 fn another_group_of_the_same_port_stays_out() {
-    let mut ours = UdpMulticast::with_options(&options(50118)).unwrap();
+    let (_kept, options) = options();
+    let mut ours = UdpMulticast::with_options(&options).unwrap();
     let mut other = UdpMulticast::with_options(&UdpOptions {
         group: "239.74.163.3".parse().unwrap(),
-        ..options(50118)
+        ..options.clone()
     })
     .unwrap();
-    let mut peer = UdpMulticast::with_options(&options(50118)).unwrap();
+    let mut peer = UdpMulticast::with_options(&options).unwrap();
     other.send(&frame(1)).unwrap();
     peer.send(&frame(2)).unwrap();
     let frames: Vec<CanFrame> = receive(&mut ours, 1).iter().map(|r| r.frame).collect();
@@ -101,8 +106,9 @@ fn another_group_of_the_same_port_stays_out() {
 
 #[test]
 fn nonsense_is_counted_and_does_not_hide_what_follows() {
-    let mut source = UdpMulticast::with_options(&options(50119)).unwrap();
-    let mut peer = UdpMulticast::with_options(&options(50119)).unwrap();
+    let (_kept, options) = options();
+    let mut source = UdpMulticast::with_options(&options).unwrap();
+    let mut peer = UdpMulticast::with_options(&options).unwrap();
     let mut fd_frame = [0; python_can::LARGEST];
     let fd_frame = python_can::encode(&frame(1), 0.0, &mut fd_frame).unwrap();
     let fd_frame: Vec<u8> = {
@@ -126,12 +132,13 @@ fn nonsense_is_counted_and_does_not_hide_what_follows() {
 
 #[test]
 fn a_queue_that_is_too_small_counts_every_loss() {
+    let (_kept, options) = options();
     let mut source = UdpMulticast::with_options(&UdpOptions {
         receive_buffer: 8192,
-        ..options(50120)
+        ..options.clone()
     })
     .unwrap();
-    let mut peer = UdpMulticast::with_options(&options(50120)).unwrap();
+    let mut peer = UdpMulticast::with_options(&options).unwrap();
     for n in 0..1000 {
         peer.send(&frame(n)).unwrap();
     }
@@ -149,8 +156,9 @@ fn a_queue_that_is_too_small_counts_every_loss() {
 
 #[test]
 fn a_large_burst_fits_the_default_queue_where_the_kernel_allows_one() {
-    let mut source = UdpMulticast::with_options(&options(50121)).unwrap();
-    let mut peer = UdpMulticast::with_options(&options(50121)).unwrap();
+    let (_kept, options) = options();
+    let mut source = UdpMulticast::with_options(&options).unwrap();
+    let mut peer = UdpMulticast::with_options(&options).unwrap();
     for n in 0..2000 {
         peer.send(&frame(n)).unwrap();
     }
@@ -164,10 +172,11 @@ fn a_large_burst_fits_the_default_queue_where_the_kernel_allows_one() {
 
 #[test]
 fn python_cans_ipv6_group_works_where_ipv6_has_a_route_for_it() {
+    let (_kept, options) = options();
     let options = UdpOptions {
         group: "ff15:7079:7468:6f6e:6465:6d6f:6d63:6173".parse().unwrap(),
         interface: None,
-        ..options(50122)
+        ..options.clone()
     };
     let (mut a, mut b) = match (
         UdpMulticast::with_options(&options),
@@ -187,10 +196,11 @@ fn python_cans_ipv6_group_works_where_ipv6_has_a_route_for_it() {
 
 #[test]
 fn an_ipv6_group_of_narrow_scope_needs_no_interface_to_be_received() {
+    let (_kept, options) = options();
     let options = UdpOptions {
         group: "ff12::7461:7865".parse().unwrap(),
         interface: None,
-        ..options(50123)
+        ..options.clone()
     };
     let receiver = new_socket(options.group).unwrap();
     match bind(receiver.as_raw_fd(), &group_address(&options, 0)) {
@@ -213,8 +223,9 @@ fn an_address_that_is_no_group_is_refused() {
 #[test]
 fn a_flood_of_what_is_no_frame_does_not_keep_its_reader_for_ever() {
     stay_on_one_cpu();
-    let mut source = UdpMulticast::with_options(&options(50124)).unwrap();
-    let flood = UdpMulticast::with_options(&options(50124)).unwrap();
+    let (_kept, options) = options();
+    let mut source = UdpMulticast::with_options(&options).unwrap();
+    let flood = UdpMulticast::with_options(&options).unwrap();
     for _ in 0..500 {
         send(flood.sender.as_raw_fd(), b"nonsense", MsgFlags::empty()).unwrap();
     }

@@ -8,6 +8,7 @@ use serde_json::Value;
 use std::net::UdpSocket;
 use std::os::unix::net::UnixListener;
 use std::process::{Child, Command, Output, Stdio};
+use std::time::{Duration, Instant};
 use taxel_sim::servo::{ServoBuild, ServoBus, ServoFault, ServoPty};
 use tempfile::TempDir;
 
@@ -45,16 +46,18 @@ fn said(output: &Output) -> String {
     )
 }
 
+/// What takes longer has hung.
+const HANGS_AFTER: Duration = Duration::from_secs(200);
+
 /// Tries again where the machine may have been too busy to simulate a hand in real time.
 fn eventually<T>(mut attempt: impl FnMut() -> Result<T, String>) -> T {
-    let mut last = String::new();
-    for _ in 0..6 {
+    let begun = Instant::now();
+    loop {
         match attempt() {
             Ok(done) => return done,
-            Err(why) => last = why,
+            Err(why) => assert!(begun.elapsed() < HANGS_AFTER, "never: {why}"),
         }
     }
-    panic!("never: {last}");
 }
 
 /// The checks of this name that are neither good nor skipped: object, state, found, mend.
@@ -74,12 +77,9 @@ fn bad<'a>(checks: &'a [Value], name: &str) -> Vec<[&'a str; 4]> {
         .collect()
 }
 
-fn free_port() -> u16 {
-    UdpSocket::bind("0.0.0.0:0").unwrap().local_addr().unwrap().port()
-}
-
-/// A simulated hand in a process of its own, until it is dropped.
-struct Hand(Child);
+/// A simulated hand in a process of its own, until it is dropped. Nobody else is given the ports of the sockets meanwhile, which
+/// hear nothing of groups.
+struct Hand(Child, #[expect(dead_code)] Vec<UdpSocket>);
 
 impl Drop for Hand {
     fn drop(&mut self) {
@@ -90,15 +90,19 @@ impl Drop for Hand {
 
 /// Puts a scene on as many UDP buses as are wanted, with the config's sources to reach it.
 fn hand(dir: &TempDir, scene: &str, extra: &[&str], buses: usize) -> (Hand, Vec<String>) {
-    let sources: Vec<String> = (0..buses)
-        .map(|_| format!("udp:239.74.163.2:{}?hops=0", free_port()))
+    let ports: Vec<UdpSocket> = (0..buses)
+        .map(|_| UdpSocket::bind("127.0.0.1:0").unwrap())
+        .collect();
+    let port = |socket: &UdpSocket| socket.local_addr().unwrap().port();
+    let sources: Vec<String> = (ports.iter())
+        .map(|socket| format!("udp:239.74.163.2:{}?hops=0", port(socket)))
         .collect();
     let mut command = taxel(dir, &["sim", scene]);
     for source in &sources {
         command.args(["--to", source]);
     }
     let child = command.args(extra).stderr(Stdio::null()).spawn().unwrap();
-    (Hand(child), sources)
+    (Hand(child, ports), sources)
 }
 
 /// Runs `taxel sim` to its end: a scene into a log.
@@ -145,7 +149,8 @@ fn a_dead_board_and_a_dead_taxel_are_found_and_the_others_are_well() {
         ]
         .concat();
         let dead = boards.iter().find(|b| b[0].starts_with("tip end"));
-        let dead = dead.unwrap_or_else(|| panic!("the board without power is not found: {boards:?}"));
+        // Before any board speaks there is another sentence.
+        let dead = dead.ok_or_else(|| format!("the board without power is not found: {boards:?}"))?;
         assert_eq!((dead[1], code), ("error", Some(1)));
         assert!(dead[2].contains("was not heard since the start"), "{dead:?}");
         let living = boards
@@ -277,27 +282,26 @@ fn a_missing_servo_a_slow_one_and_a_stranger_are_found() {
     let joints = format!("dynamixel:{}", pty.path().display());
     let log = dir.path().join("empty.log");
     std::fs::write(&log, "(0.000000) can0 123#00\n").unwrap();
-    let (code, checks) = doctor(
-        &dir,
-        &[
-            "--layout",
-            "uskin-module",
-            "log:empty.log",
-            "--joints",
-            &joints,
-            "--ids",
-            "1-3",
-        ],
-    );
-    assert_eq!(code, Some(1));
+    let checks = eventually(|| {
+        let known = ["--layout", "uskin-module", "log:empty.log"];
+        let (code, checks) = doctor(
+            &dir,
+            &[&known[..], &["--joints", &joints, "--ids", "1-3"]].concat(),
+        );
+        assert_eq!(code, Some(1));
+        // On a machine that is held up others may be silent, or late.
+        let is_alone = bad(&checks, "answers").is_empty() && bad(&checks, "servo-silent").len() == 1;
+        match is_alone {
+            true => Ok(checks),
+            false => Err(format!("{checks:?}")),
+        }
+    });
     let missing = bad(&checks, "servo-silent");
-    assert_eq!(missing.len(), 1, "{checks:?}");
     assert_eq!(missing[0][..2], ["servo 3", "error"]);
     assert!(
         missing[0][2].ends_with("joints: servo 3 is silent"),
         "{missing:?}"
     );
-    assert!(bad(&checks, "answers").is_empty());
     let delay = bad(&checks, "return delay time");
     assert_eq!(delay.len(), 1);
     assert_eq!(delay[0][..3], ["servo 2", "warning", "500 us before each answer"]);
