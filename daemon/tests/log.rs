@@ -111,10 +111,18 @@ fn a_client_that_is_turned_away_again_and_again_does_not_fill_the_log() {
             other => panic!("{other:?}"),
         }
     }
-    let log = std::fs::read_to_string(&path).unwrap();
-    let lines = log.matches("turned away").count() as u64;
+    let lines = || {
+        let log = std::fs::read_to_string(&path).unwrap();
+        log.matches("turned away").count() as u64
+    };
+    // A thread of its own writes it.
+    while lines() == 0 {
+        assert!(begun.elapsed() < PATIENCE, "nobody says so");
+        std::thread::sleep(Duration::from_millis(10));
+    }
+    let lines = lines();
     let most = 1 + begun.elapsed().as_secs() / 10;
-    assert!((1..=most).contains(&lines), "{lines} lines, at most {most}");
+    assert!(lines <= most, "{lines} lines, at most {most}");
 }
 
 #[test]
