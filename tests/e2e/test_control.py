@@ -1,28 +1,26 @@
 """The control sockets: who may do what, and that nobody keeps others from doing it."""
 
-import itertools
+import fcntl
 import json
 import os
-import signal
 import socket
 import stat
+import struct
 import subprocess
 import sys
+import termios
 import threading
-from contextlib import ExitStack
+import time
+from contextlib import ExitStack, suppress
 
 import pytest
-from harness.daemon import HANGS_AFTER_S, Daemon, ask, die_with_parent, eventually, read_reply
+from harness.daemon import HANGS_AFTER_S, Daemon, ask, asking_on, connect, die_with_parent, eventually, read_reply
 from harness.joints import IDS, SCENE, TICK, TORQUE, WRITING, dynamixel, servo
 from harness.servos import Servos
 
 PLACES = 128
-
-
-def connect(path):
-    client = socket.socket(socket.AF_UNIX, socket.SOCK_STREAM)
-    client.connect(str(path))  # waits where more come at once than are let in; with a time limit it would fail
-    return client
+# For how long a client is kept until its next line, and in all (daemon/src/clients/places.rs).
+UNHEARD_S, KEPT_S = 0.1, 0.4
 
 
 @pytest.fixture
@@ -69,14 +67,15 @@ def test_readers_of_images_and_who_only_asks_leave_descriptors_to_those_who_comm
             status = ask(client, {"cmd": "status"})["status"]
         soft, hard = limits.split(":")
         assert (len(status["subscribers"]) == 150) == (soft != hard), "the limit is not raised to the highest allowed"
-        assert ("files may be open" in daemon.log) and "cannot accept" not in daemon.log, daemon.log
+        eventually(lambda: "files may be open" in daemon.log, lambda: daemon.log)
+        assert "cannot accept" not in daemon.log, daemon.log
 
 
 def test_with_few_files_it_says_so_and_ends_or_a_motor_can_be_switched_off(folder):
     servos = Servos("--ids", "1-16")
     ended = []
     for limit in (4, 5, 8, 12, 16, 18, 19, 20, 22, 24, 26, 28, 30, 32, 40):
-        daemon = Daemon(folder / f"{limit}", SCENE, tick=TICK, joints=dynamixel(servos.path, allow_writes=True))
+        daemon = Daemon(folder / f"{limit}", SCENE, tick=TICK, joints=dynamixel(servos.path, **WRITING))
         with ExitStack() as stack:
             stack.callback(daemon.kill)
             daemon.spawn(["prlimit", f"--nofile={limit}"])
@@ -88,7 +87,7 @@ def test_with_few_files_it_says_so_and_ends_or_a_motor_can_be_switched_off(folde
                 continue
             for _ in range(20):
                 reader = stack.enter_context(socket.socket(socket.AF_UNIX, socket.SOCK_SEQPACKET))
-                reader.settimeout(20)
+                reader.settimeout(HANGS_AFTER_S)
                 reader.connect(str(daemon.images))
                 assert reader.recv(65536), "neither let in nor told why not"
             for _ in range(3):
@@ -105,7 +104,7 @@ def test_displays_that_connect_again_meanwhile_keep_no_start_from_going_well(fol
         while not over.is_set():
             try:
                 with socket.socket(socket.AF_UNIX, socket.SOCK_SEQPACKET) as reader:
-                    reader.settimeout(20)
+                    reader.settimeout(HANGS_AFTER_S)
                     reader.connect(str(path))
                     while reader.recv(65536) and not over.is_set():
                         pass
@@ -135,18 +134,22 @@ def test_displays_that_connect_again_meanwhile_keep_no_start_from_going_well(fol
 
 
 def test_a_client_that_asks_without_end_is_slowed_and_the_others_are_not(daemon):
-    request = b'{"cmd":"profile"}\n'  # all the answers fit into a socket that nobody reads
+    request = b'{"cmd":"profile"}\n'
+    replies = []
     with connect(daemon.control_path) as flood, connect(daemon.control_path) as other:
-        flood.sendall(request * 200)
+        # Minutes of it.
+        flood.sendall(request * 3000)
+        reading = threading.Thread(target=lambda: replies.extend(flood.makefile("rb")))
+        reading.start()
         for _ in range(10):
             counts = ask(other, {"cmd": "status"})["status"]["control"]
         # The flood's answers still come when the other has all of its own.
-        assert counts["clients"] == 2 and counts["slowed"] < 180, counts
+        assert counts["clients"] == 2 and counts["slowed"] < 2900, counts
         eventually(lambda: daemon.status()["control"]["slowed"] > 0, "nobody is slowed")
-        received = b""
-        while received.count(b"\n") < 200:
-            received += flood.recv(65536)
-        assert all(json.loads(reply)["ok"] for reply in received.splitlines())
+        eventually(lambda: len(replies) >= 100, "who is slowed is not answered")
+        flood.shutdown(socket.SHUT_RDWR)
+        reading.join()
+        assert all(json.loads(reply)["ok"] for reply in replies if reply.endswith(b"\n"))
 
 
 def test_nothing_keeps_a_motor_from_being_switched_off(folder):
@@ -199,7 +202,7 @@ def test_nothing_keeps_a_motor_from_being_switched_off(folder):
 def test_whoever_makes_room_has_all_motors_switched_off_that_were_to_be(folder):
     servos = Servos("--ids", "1-16")
     off = b"".join(b'{"cmd":"servo","joint":"joint %d","torque":false}\n' % n for n in range(2, 9))
-    # However often, and however it is written: once each is enough.
+    # However often, and however it is written.
     off += b"".join(b'{"cmd":"servo","joint":"joint %d","torque":false}%s\n' % (n % 7 + 2, b" " * n) for n in range(200))
     daemon = Daemon(folder / "d", SCENE, tick=TICK, joints=dynamixel(servos.path, **WRITING))
     with ExitStack() as stack:
@@ -210,17 +213,23 @@ def test_whoever_makes_room_has_all_motors_switched_off_that_were_to_be(folder):
         client = stack.enter_context(connect(daemon.control_path))
         for n in range(2, 9):
             assert ask(client, {"cmd": "servo", "joint": f"joint {n}", "torque": True})["ok"]
+        before = daemon.status()["joints"]["writes_ok"]
         daemon.hold()
         client.sendall(off)
         for _ in range(100):
             stack.enter_context(connect(daemon.control_path))
-        os.kill(daemon.process.pid, signal.SIGCONT)
-        said = client.makefile("rb").read().splitlines()
-        assert json.loads(said[-1])["ask_again"], said
+        daemon.go_on()
+        *answered, leave = client.makefile("rb").read().splitlines()
+        assert json.loads(leave)["ask_again"], leave
         for n in range(2, 9):
             eventually(lambda n=n: servos.register(n, *TORQUE) == 0, f"the motor of {n} is on")
             # Whoever asked is told nothing of what had come with that line.
             eventually(lambda n=n: f"torque of joint {n} is off" in daemon.log, "the log does not say so")
+        # Two writes, of its torque and its watchdog: once for each motor, and for what was answered or begun before.
+        told = lambda status: (status["joints"]["writes_ok"] - before) / 2  # noqa: E731
+        daemon.wait_status(lambda s: told(s) >= 7, "not each is told")
+        daemon.report(1)
+        assert told(daemon.status()) <= 7 + len(answered) + 1
     servos.close()
 
 
@@ -232,7 +241,11 @@ while True:
     while len(selector.get_map()) < 16:
         client = socket.socket(socket.AF_UNIX)
         client.connect(path)
-        client.sendall(line * in_flight)
+        try:
+            client.sendall(line * in_flight)
+        except OSError:
+            client.close()
+            continue
         selector.register(client, selectors.EVENT_READ)
     for key, _ in selector.select():
         try:
@@ -260,7 +273,7 @@ def occupy(stack, daemon, processes, line="", in_flight=0):
 
 def test_processes_that_have_a_silent_motor_switched_off_without_end_keep_nobody_else_out(folder):
     servos = Servos("--ids", "1-16")
-    joints = dynamixel(servos.path, allow_writes=True)
+    joints = dynamixel(servos.path, **WRITING)
     with Daemon(folder / "d", SCENE, tick=TICK, joints=joints) as daemon, ExitStack() as stack:
         daemon.wait_status(lambda s: s["joints"]["readings"] > 50, "nothing is read")
         assert daemon.control("servo", joint="joint 5", torque=True)["ok"]
@@ -268,7 +281,7 @@ def test_processes_that_have_a_silent_motor_switched_off_without_end_keep_nobody
         occupy(stack, daemon, 8, '{"cmd":"servo","joint":"joint 1","torque":false}', in_flight=100)
         for _ in range(5):
             with connect(daemon.control_path) as client:
-                client.settimeout(60)  # bounds a failure
+                client.settimeout(HANGS_AFTER_S)
                 ask(client, {"cmd": "servo", "joint": "joint 5", "torque": False})
             eventually(lambda: servos.register(5, *TORQUE) == 0, "the motor is on")
     servos.close()
@@ -317,22 +330,36 @@ def test_who_has_motors_switched_off_one_after_the_other_is_not_put_out_in_betwe
         daemon.wait_status(lambda s: s["joints"]["readings"] > 50, "nothing is read")
         occupy(stack, daemon, 20)
 
-        def answered():
-            with connect(daemon.control_path) as client, client.makefile("rb") as replies:
+        def is_put_out_too_soon():
+            begun = time.monotonic()
+            taken = []
+            with connect(daemon.control_path) as client:
                 for n in range(2, 9):
                     try:
-                        client.sendall(b'{"cmd":"servo","joint":"joint %d","torque":false}\n' % n)
-                        reply = replies.readline()
-                    except ConnectionError:
-                        reply = b""
-                    if b'"ok":true' not in reply:
-                        return n - 2
-            return 7
+                        taken.append(taken_from(client, b'{"cmd":"servo","joint":"joint %d","torque":false}\n' % n))
+                        is_done = read_reply(client)["ok"]
+                    except (AssertionError, ConnectionError):
+                        is_done = False
+                    if not is_done:
+                        ended = time.monotonic()
+                        return n > 2 and ended - begun < KEPT_S and ended - taken[n - 3] < UNHEARD_S
+            return False
 
-        # A machine that is held up for a moment cuts some, as all were.
-        answers = [answered() for _ in range(12)]
-        assert 7 in answers, answers
+        # On a machine that is held up its time may be over, as that of all others.
+        assert not any(is_put_out_too_soon() for _ in range(12))
     servos.close()
+
+
+def taken_from(client, line):
+    """Sends a line, and waits until it is taken from the socket: a time at which it was not yet."""
+    unread = time.monotonic()
+    client.sendall(line)
+    while True:
+        looked = time.monotonic()
+        if struct.unpack("i", fcntl.ioctl(client, termios.TIOCOUTQ, bytes(4))) == (0,):
+            return unread
+        unread = looked
+        time.sleep(0.001)
 
 
 @pytest.mark.parametrize(
@@ -352,8 +379,10 @@ def test_a_motor_is_let_go_when_its_holder_dies_or_asks_nothing_whatever_was_sen
     joints = dynamixel(servos.path, **WRITING)
     with Daemon(folder / "d", SCENE, tick=TICK, joints=joints) as daemon, connect(daemon.control_path) as holder:
         daemon.wait_status(lambda s: s["joints"]["readings"] > 50, "nothing is read")
-        assert ask(holder, {"cmd": "servo", "joint": "joint 5", "torque": True, "hold_ms": 500})["ok"]
-        holder.sendall(sent)
+        hold_ms = 10_000 if leaves else 500
+        assert ask(holder, {"cmd": "servo", "joint": "joint 5", "torque": True, "hold_ms": hold_ms})["ok"]
+        with suppress(BrokenPipeError, ConnectionResetError):  # its time may be over before
+            holder.sendall(sent)
         if leaves:
             holder.close()
         else:
@@ -391,7 +420,8 @@ def test_who_holds_a_motor_that_was_not_confirmed_is_told_so_and_it_is_let_go_wi
                 refused = ask(client, {**on, **hold})
                 assert not refused["ok"] and (held in refused["error"]) == is_held, refused
                 assert ("its motor may run, and nobody holds it" in refused["error"]) != is_held, refused
-            status, said = servo(daemon, "joint 5", "--torque", "on")
+            with asking_on(client):
+                status, said = servo(daemon, "joint 5", "--torque", "on")
             assert status == 1 and f"driven by user {os.getuid()}, process {os.getpid()}" in said, said
         servos.tell("mend 5")
         eventually(lambda: "torque of joint 5 is off, since who held it is gone" in daemon.log, "it is not let go")
@@ -453,7 +483,7 @@ def test_who_has_gone_before_it_was_begun_has_a_motor_switched_off_and_nothing_e
         requests = [{"cmd": "pause"}] * 60 + [torque("joint 8", False)]
         holder.sendall(b"".join(json.dumps(request).encode() + b"\n" for request in requests))
         holder.close()
-        os.kill(daemon.process.pid, signal.SIGCONT)
+        daemon.go_on()
         kinds = ["a new baseline", "pause", "resume", "a mark", "a new display profile", "a servo command"]
         for words in [f"refused: {kind}: whoever asked for it had gone" for kind in kinds] + [w for _, w in asked if w]:
             eventually(lambda words=words: words in daemon.log, f"the log does not say: {words}")
