@@ -10,7 +10,7 @@ import sys
 
 import pytest
 import taxel
-from harness.daemon import Daemon, ask, binary, die_with_parent, eventually, read_reply
+from harness.daemon import Daemon, ask, asking_on, binary, die_with_parent, eventually, read_reply
 from harness.gripper import (
     FINGERS,
     GOAL_PWM,
@@ -74,9 +74,8 @@ sys.stdin.read()
 def test_fingers_are_let_go_when_the_program_that_holds_them_dies_or_hangs(folder, servos, how):
     with Daemon(folder / "d", SCENE, tick=TICK, joints=gripper(servos.path)) as daemon:
         daemon.wait_status(lambda s: s["joints"]["readings"] > 20, "nothing is read")
-        hold = 1000 if how == signal.SIGSTOP else 10_000
         requests = [
-            {"cmd": "servo", "joint": name, "torque": True, "pwm_percent": 0, "hold_ms": hold} for name in FINGERS
+            {"cmd": "servo", "joint": name, "torque": True, "pwm_percent": 0, "hold_ms": 10_000} for name in FINGERS
         ] + [{"cmd": "servos", "pwm_percent": {"left": 30, "right": 30}}]
         holder = subprocess.Popen(
             [sys.executable, "-c", HOLDER, str(daemon.control_path), *map(json.dumps, requests)],
@@ -89,8 +88,6 @@ def test_fingers_are_let_go_when_the_program_that_holds_them_dies_or_hangs(folde
             assert json.loads(holder.stdout.readline()) == {"ok": True}
         holder.send_signal(how)
         eventually(lambda: registers(servos, TORQUE) == [0, 0], "the fingers go on without who holds them")
-        # The daemon went on speaking to them: no watchdog has done this.
-        assert [servos.stopped_ns(id) for id in FINGERS.values()] == [0, 0]
         eventually(lambda: "torque of right is off" in daemon.log, "the log does not say so")
         holder.kill()
         holder.wait()
@@ -130,14 +127,15 @@ def test_fingers_are_driven_by_none_but_who_holds_them_until_they_are_switched_o
         for name in FINGERS:
             torque_on(holder, name, 10_000)
         assert ask(holder, both(20)) == {"ok": True}
-        for request in [pwm, {**pwm, "torque": True}, {**pwm, "torque": True, "hold_ms": 500}, both(50)]:
-            refused = ask(other, request)
-            assert not refused["ok"] and refused["error"].startswith(who.format(os.getpid())), refused
-            assert refused["held_by"] == os.getpid()
-        # Its own process may have other connections.
-        with control(daemon) as own:
-            assert ask(own, both(20)) == {"ok": True}
-        status, said = servo(daemon, "left", "--torque", "on")
+        with asking_on(holder):
+            for request in [pwm, {**pwm, "torque": True}, {**pwm, "torque": True, "hold_ms": 500}, both(50)]:
+                refused = ask(other, request)
+                assert not refused["ok"] and refused["error"].startswith(who.format(os.getpid())), refused
+                assert refused["held_by"] == os.getpid()
+            # Its own process may have other connections.
+            with control(daemon) as own:
+                assert ask(own, both(20)) == {"ok": True}
+            status, said = servo(daemon, "left", "--torque", "on")
         assert status == 1 and who.format(os.getpid()) in said, said
         assert registers(servos, TORQUE) == [1, 1] and registers(servos, GOAL_PWM) == [177, 177]
         # Switched off by whom it may be, it is nobody's, and who held it is told so.
@@ -183,11 +181,14 @@ def test_the_doctor_hears_the_potentiometers_where_no_daemon_reads_them(folder, 
         checks = json.loads(subprocess.run(command, capture_output=True, text=True).stdout)["checks"]
         return [check for check in checks if check["object"] == str(folder / "lines")]
 
-    (heard,) = doctor()
-    assert heard["state"] == "ok" and "lines a second; degrees: left p " in heard["found"], heard
+    def found(state, *words):
+        (told,) = doctor()
+        return told["state"] == state and all(word in told["found"] for word in words)
+
+    # In its second on a machine that is held up it may hear nothing, or what came before.
+    eventually(lambda: found("ok", "lines a second; degrees: left p "), doctor)
     servos.tell("line p1 1023 p2 540\\n")
-    (lost,) = doctor()
-    assert lost["state"] == "error" and "left p" in lost["found"] and "1023" in lost["found"], lost
+    eventually(lambda: found("error", "left p", "1023"), doctor)
 
 
 def test_the_python_package_holds_fingers_for_a_block_and_no_longer_than_it_asks_something(folder, servos):

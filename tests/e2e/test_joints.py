@@ -3,13 +3,12 @@
 import json
 import math
 import re
-import socket
 import subprocess
 import time
 from statistics import median
 
 import pytest
-from harness.daemon import HANGS_AFTER_S, Daemon, ask, binary, eventually, read_reply
+from harness.daemon import HANGS_AFTER_S, Daemon, ask, binary, connect, eventually, read_reply, told_once_each_time
 from harness.joints import (
     GOAL_PWM,
     IDS,
@@ -87,13 +86,17 @@ def test_angles_are_those_of_the_images_own_instant(folder):
         assert median(errors) < bound
         # The bound is worth something: angles that are one cycle old would not meet it.
         assert median(newest) > 2 * bound
-        joints = daemon.wait_status(lambda s: s["joints"]["cycle_hz"] > 10, "no cycles")["joints"]
-        assert joints["state"] == "connected" and joints["writes"] == "never"
-        assert joints["fast_sync_read"] != "off"
+
+        def is_well(status):
+            joints, first = status["joints"], status["joints"]["joints"][0]
+            is_read = joints["state"] == "connected" and joints["cycle_hz"] > 10
+            return is_read and first["state"] == "answers" and first["age_ms"] < 250
+
+        joints = daemon.wait_status(is_well, "no cycles")["joints"]
+        assert joints["writes"] == "never" and joints["fast_sync_read"] != "off"
         first = joints["joints"][0]
-        assert first["name"] == "joint 1" and first["state"] == "answers" and first["hardware_error"] is None
+        assert first["name"] == "joint 1" and first["hardware_error"] is None
         assert first["temperature_c"] == 31 and first["model"] == "XM430-W210"
-        daemon.wait_status(lambda s: s["joints"]["joints"][0]["age_ms"] < 250, "no reading is new")
         assert "all 16 servos answer" in eventually(lambda: "servos answer" in daemon.log and daemon.log, "no roll call")
     servos.close()
 
@@ -124,29 +127,31 @@ def test_a_dead_servo_is_unknown_and_named_and_the_others_go_on(folder):
         dead = joint_of(daemon, 5)
         assert dead["angle_rad"] is None and dead["age_ms"] > 250 and dead["timeouts"] >= 2
         assert "silent" in dead["state"] or "no answer" in dead["state"]
-        assert joint_of(daemon, 6)["state"] == "answers"
+        eventually(lambda: joint_of(daemon, 6)["state"] == "answers", "it hides another")
         eventually(lambda: "servo joint 5 (id 5) is silent" in daemon.log, "the log does not name it")
 
         servos.tell("error 9 32")
         eventually(lambda: joint_of(daemon, 9)["hardware_error"] == "overload", "no hardware error in the status")
         eventually(lambda: "servo joint 9 (id 9) reports a hardware error: overload" in daemon.log, "nor in the log")
-        assert joint_of(daemon, 9)["angle_rad"] is not None and joint_of(daemon, 9)["alerts"] > 0
+        alerts = lambda joint: joint["angle_rad"] is not None and joint["alerts"] > 0  # noqa: E731
+        eventually(lambda: alerts(joint_of(daemon, 9)), lambda: joint_of(daemon, 9))
 
         servos.tell("mend 5")
         watch.until(all_known, "a mended servo's angle stays unknown")
         eventually(lambda: "servo joint 5 (id 5) answers again" in daemon.log, "the log does not say that it is back")
-        assert daemon.log.count("joint 5 (id 5) is silent;") == 1 and daemon.log.count("joint 5 (id 5) answers again") == 1
+        assert told_once_each_time(daemon.log, "joint 5 (id 5) is silent;")
+        assert told_once_each_time(daemon.log, "joint 5 (id 5) answers again")
     servos.close()
 
 
 @pytest.mark.parametrize(
     ("fault", "counter"),
-    [("truncated:9", "timeouts bad_crc"), ("bad-crc", "bad_crc"), ("late:12", "late"), ("garbage:40", None), ("noise:30", None)],
+    [("truncated:9", "timeouts bad_crc"), ("bad-crc", "bad_crc"), (LATE, "late"), ("garbage:40", None), ("noise:30", None)],
 )
 @pytest.mark.parametrize("fast", ["off", "auto"])
 def test_damaged_and_late_answers_are_counted_and_never_become_wrong_angles(folder, fault, counter, fast):
     servos = Servos("--ids", "1-16")
-    joints = dynamixel(servos.path, fast_sync_read=fast, answer_margin_ms=4.0, hold_ms=250.0)
+    joints = dynamixel(servos.path, fast_sync_read=fast)
     with Daemon(folder / "d", SCENE, tick=TICK, joints=joints) as daemon, Watch(daemon) as watch:
         watch.until(all_known, "not every angle became known")
         servos.tell(f"fault 3 {fault} 3")
@@ -155,12 +160,11 @@ def test_damaged_and_late_answers_are_counted_and_never_become_wrong_angles(fold
                 assert angle is None or angle == pytest.approx(10 * id * PULSE_RAD, abs=1e-6), f"servo {id}"
         others = watch.until(lambda image: all(a is not None for a in image["joints"][3:]), "one servo hides others")
         assert others
-        joints = daemon.status()["joints"]
         # The rest of half a packet is missed, or the next servo's bytes are taken for it.
         # In one packet for all, what is damaged of one is asked for again in the same cycle.
-        if counter and fast == "off":
-            assert sum(joints[name] for name in counter.split()) > 0, joints
-        assert joints["readings"] > 100
+        names = counter.split() if counter and fast == "off" else []
+        counted = lambda joints: joints["readings"] > 100 and (not names or sum(joints[name] for name in names) > 0)  # noqa: E731
+        daemon.wait_status(lambda s: counted(s["joints"]), f"no {counter} is counted")
         servos.tell("mend 3")
         watch.until(all_known, "a mended servo's angle stays unknown")
     servos.close()
@@ -185,19 +189,23 @@ def test_what_is_wrong_with_a_servo_is_a_problem_in_words_and_is_over_when_it_is
         servos.tell(fault)
         problem = comes(daemon, kind, "joint 5", *words)
         assert (problem["bus"], problem["module"], problem["severe"]) == (None, None, severe)
-        status = daemon.status()["joints"]
-        assert status["joints"][4]["problems"] == [kind] and status["joints"][3]["problems"] == []
+        # (On a busy machine another one may be late for a moment.)
+        of_joints = lambda: [joint["problems"] for joint in daemon.status()["joints"]["joints"][3:5]]  # noqa: E731
+        eventually(lambda: of_joints() == [[], [kind]], of_joints)
         # A servo whose every answer is late answers now and then in the end; its silence is not told beside.
         daemon.report(1)
-        # (On a busy machine another one may be late too.)
         own = lambda: [p for p in daemon.status()["problems"] if p["joint"] == "joint 5"]  # noqa: E731
         eventually(lambda: {p["kind"] for p in own()} == {kind}, lambda: f"not that alone: {own()}")
         others_go_on(daemon, watch, but=5, unknown=None)
-        doctor = subprocess.run(
-            [binary("taxel"), "doctor", "--json", "--config", daemon.config], capture_output=True, text=True
-        )
+
+        def of_doctor():
+            command = [binary("taxel"), "doctor", "--json", "--config", daemon.config]
+            checks = json.loads(subprocess.run(command, capture_output=True, text=True).stdout)["checks"]
+            found = [c for c in checks if "joint 5" in c["object"] + c["found"]]
+            return found if [c["name"] for c in found] == [kind] else []
+
         # What the daemon tells, the doctor tells once, in the same words; its numbers are those of another moment.
-        (found,) = [c for c in json.loads(doctor.stdout)["checks"] if "joint 5" in c["object"] + c["found"]]
+        (found,) = eventually(of_doctor, "the doctor does not tell that alone")
         now = eventually(lambda: own()[:1], "it is not told any more")[0]
         but_numbers = lambda sentence: re.sub(r"\d+(\.\d+)?", "N", sentence)
         assert (found["name"], found["object"], but_numbers(found["found"])) == (kind, "joint 5", but_numbers(now["sentence"]))
@@ -208,7 +216,7 @@ def test_what_is_wrong_with_a_servo_is_a_problem_in_words_and_is_over_when_it_is
         print(f"RECOVERY {kind}: {time.monotonic() - mended:.2f} s")
         eventually(lambda: over in daemon.log, "the log does not say that it is over")
         said = but_numbers(problem["sentence"].split(";")[0].split(",")[0])
-        assert but_numbers(daemon.log).count(said) == 1, "not told once"
+        assert told_once_each_time(but_numbers(daemon.log), said), daemon.log
         eventually(lambda: over in watch.notices, "taxel watch does not say so")
     servos.close()
 
@@ -272,7 +280,7 @@ def test_torque_and_pwm_are_written_on_request_with_the_watchdog_armed(folder):
         enabled = lambda s: torque(s) == [False, True, True, False]
         status = daemon.wait_status(enabled, "the status does not say whose torque is on")["joints"]
         assert (status["writes_ok"], status["writes_failed"]) == (10, 0)
-        assert "torque of joint 5 is on" in daemon.log
+        eventually(lambda: "torque of joint 5 is on" in daemon.log, "the log does not say so")
 
         servos.tell("fault 6 silent")
         status, said = servo(daemon, "joint 6", "--pwm", "1")
@@ -282,7 +290,7 @@ def test_torque_and_pwm_are_written_on_request_with_the_watchdog_armed(folder):
         assert servos.register(5, *TORQUE) == 0
         servos.let_go(5)
         assert daemon.status()["joints"]["joints"][4]["torque_enabled"] is False
-        assert all_known(watch.more(30)[-1]), "writing hides angles"
+        watch.until(all_known, "writing hides angles")
     # The daemon has ended, and with it all that it had switched on.
     servos.let_go(6)
 
@@ -294,9 +302,11 @@ def test_torque_and_pwm_are_written_on_request_with_the_watchdog_armed(folder):
         turning = lambda: servos.register(5, *PRESENT_PWM) != 0
         eventually(turning, "the motor does not turn")
         daemon.kill()
+    servos.tell("watchdogs run")
     # Nobody speaks on the bus any more, and the motor stands within its watchdog.
     eventually(lambda: servos.register(5, *PRESENT_PWM) == 0, "the motor goes on without its daemon")
     assert servos.stopped_ns(5) > 0
+    servos.tell("watchdogs hold")
     with Daemon(folder / "d", SCENE, tick=TICK, joints=joints) as daemon:
         # A servo that has heard nothing for so long has stopped its motor, and takes no goal.
         daemon.wait_status(lambda s: s["joints"]["readings"] > 50, "nothing is read")
@@ -322,8 +332,7 @@ def test_a_motor_that_does_not_confirm_that_it_is_off_is_told_again_and_said_to_
     with Daemon(folder / "d", SCENE, tick=TICK, joints=joints) as daemon:
         daemon.wait_status(lambda s: s["joints"]["readings"] > 50, "nothing is read")
         assert servo(daemon, "joint 5", "--torque", "on") == (0, "")
-        with socket.socket(socket.AF_UNIX, socket.SOCK_STREAM) as holder:
-            holder.connect(str(daemon.control_path))
+        with connect(daemon.control_path) as holder:
             assert ask(holder, {"cmd": "servo", "joint": "joint 6", "torque": True, "hold_ms": 10_000})["ok"]
             for id in off:
                 servos.tell(f"fault {id} silent")
@@ -352,8 +361,7 @@ def test_the_log_tells_of_a_motor_in_the_order_in_which_its_servo_was_told(folde
     with Daemon(folder / "d", SCENE, tick=TICK, joints=joints) as daemon:
         daemon.wait_status(lambda s: s["joints"]["readings"] > 50, "nothing is read")
         for _ in range(8):
-            with socket.socket(socket.AF_UNIX, socket.SOCK_STREAM) as holder:
-                holder.connect(str(daemon.control_path))
+            with connect(daemon.control_path) as holder:
                 assert ask(holder, on | {"hold_ms": 10_000})["ok"]
             eventually(lambda: servos.register(5, *TORQUE) == 0, "it is not let go")
             assert daemon.control(**on)["ok"]
@@ -368,9 +376,7 @@ def test_each_of_two_who_tell_one_servo_something_at_once_hears_of_its_own_reque
     joints = dynamixel(servos.path, **WRITING)
     with Daemon(folder / "d", SCENE, tick=TICK, joints=joints) as daemon:
         daemon.wait_status(lambda s: s["joints"]["readings"] > 50, "nothing is read")
-        with socket.socket(socket.AF_UNIX) as one, socket.socket(socket.AF_UNIX) as other:
-            for client in (one, other):
-                client.connect(str(daemon.control_path))
+        with connect(daemon.control_path) as one, connect(daemon.control_path) as other:
             for percent in (5, -5):
                 for client in (one, other):
                     request = {"cmd": "servo", "joint": "joint 5", "pwm_percent": percent}
@@ -392,11 +398,11 @@ def test_who_tells_a_servo_something_that_reports_a_hardware_error_hears_of_it(f
         for arguments in [("--torque", "on", "--pwm", "0"), ("--pwm", "5"), ("--torque", "off"), ("--torque", "on")]:
             status, said = servo(daemon, "joint 5", *arguments)
             assert status == 0 and words in said, said
-        with socket.socket(socket.AF_UNIX, socket.SOCK_STREAM) as client:
-            client.connect(str(daemon.control_path))
+        with connect(daemon.control_path) as client:
             together = ask(client, {"cmd": "servos", "pwm_percent": {"joint 5": 3, "joint 6": 3}})
         assert together == {"ok": True, "warning": words}
-        assert f"torque of joint 5 is on (it stops by itself after 2540 ms of silence); {words}" in daemon.log
+        said = f"torque of joint 5 is on (it stops by itself after 2540 ms of silence); {words}"
+        eventually(lambda: said in daemon.log, "the log does not say so")
         # Goals beyond its PWM Limit are refused, which is told first.
         servos.tell("fault 5 refuse:6")
         status, said = servo(daemon, "joint 5", "--pwm", "6")
