@@ -3,12 +3,11 @@
 import re
 import signal
 import subprocess
-import threading
 
 import pytest
 import taxel_reader
 from harness.bus import MulticastBuses
-from harness.daemon import Programs, eventually, reader_of
+from harness.daemon import Programs, eventually, gathered, reader_of
 from harness.phantom import Categorizer, Phantom, two_categories
 from harness.terminal import Terminal
 
@@ -30,23 +29,6 @@ def taxel():
         yield taxel
 
 
-def touches_of(path):
-    """The list that the touches of a socket are added to as they come, and the HELLO before them."""
-    touches, reader = [], reader_of(path)
-
-    def read():
-        try:
-            while True:
-                message = reader.receive()
-                if message.header.type == taxel_reader.TOUCH:
-                    touches.append((message.header, message.json()))
-        except taxel_reader.Closed:
-            pass
-
-    threading.Thread(target=read, daemon=True).start()
-    return touches, reader
-
-
 def test_every_touch_of_a_phantom_is_told_in_its_category(start, taxel, buses, folder):
     phantom = Phantom(folder, DEPTH_MM)
     offline = phantom.offline()
@@ -54,7 +36,8 @@ def test_every_touch_of_a_phantom_is_told_in_its_category(start, taxel, buses, f
     daemon = phantom.daemon(start, buses.sources)
     own = folder / "touches.sock"
     live = Categorizer(taxel, phantom, daemon, "--publish", own)
-    published, reader = touches_of(own)
+    reader = reader_of(own)
+    published = gathered(reader, taxel_reader.TOUCH)
     phantom.begin(taxel, daemon, buses.sources[0])
     touches = live.wait_told(lambda areas: len(areas) == AREAS, offline)
     for touch in touches:
@@ -117,20 +100,15 @@ def test_the_map_of_another_probe_is_refused(start, taxel, folder):
 
 
 def test_the_demo_of_a_phantom_makes_its_marks_and_puts_touches_onto_the_map(folder):
-    terminal = Terminal(folder, "demo", "--scene", Phantom(folder, DEPTH_MM).scene)
-
     def find(pattern):
         terminal.shows("")
         return re.search(pattern, "\n".join(terminal.screen.display))
 
-    try:
+    with Terminal(folder, "demo", "--scene", Phantom(folder, DEPTH_MM).scene) as terminal:
         eventually(lambda: find(r" [1-9]\d* of \d+ in their class's"), lambda: "\n".join(terminal.screen.display))
         terminal.press("q")
         summary = r"touches +(\d+), (\d+) in the category of their class, (\d+) unknown"
         touches = eventually(lambda: find(summary), lambda: "\n".join(terminal.screen.display))
-    finally:
-        terminal.process.kill()
-        terminal.process.wait()
     # One whose frames a busy machine makes late is not like the others of its class, and unknown.
     told, right, unknown = map(int, touches.groups())
     assert right > 0 and right + unknown == told, touches[0]

@@ -9,8 +9,8 @@ import taxel_reader
 from conditioning import DAEMON_SETTINGS
 from harness.compare import content
 from harness.daemon import Daemon, binary, eventually
-from harness.lockstep import SWEEP
-from harness.recorder import marks, messages, of_topic, recording, taxel
+from harness.lockstep import NEVER_SILENT, SWEEP
+from harness.recorder import can_frames, marks, messages, of_topic, recording, taxel
 from harness.servos import Servos
 from harness.touches import Touches, grasp
 from mcap.reader import NonSeekingReader, make_reader
@@ -60,13 +60,15 @@ def without_can(path, to):
 
 def test_a_recording_holds_what_was_sent_and_shown_and_gives_the_same_images(start, lockstep, folder, hand):
     frames = list(grasp(Touches.uneven(hand, seed=4)))
-    daemon = start(conditioning=DAEMON_SETTINGS, sweep=SWEEP)
+    daemon = start(conditioning=DAEMON_SETTINGS, sweep=SWEEP, tick=NEVER_SILENT)
     out = folder / "grasp.mcap"
     with recording(daemon, out) as recorder:
         driver = lockstep(daemon)
         live = [driver.step(counts) for counts in frames]
         marked = daemon.control("mark", text="the grasp is over")["mark"]
         eventually(lambda: marks(out), lambda: f"the mark does not come into the file: {recorder.said}")
+        sent = driver.sweeps * len(hand)
+        eventually(lambda: can_frames(out) == sent, lambda: f"{can_frames(out)} of {sent} frames come into the file: {recorder.said}")
         assert recorder.end() == 0, recorder.said
         assert "lost" not in recorder.said and "passed over" not in recorder.said, recorder.said
 
@@ -75,7 +77,7 @@ def test_a_recording_holds_what_was_sent_and_shown_and_gives_the_same_images(sta
     once_a_second = {"/taxel/status", "/diagnostics"}
     assert types.items() <= TYPES.items() and types.keys() | once_a_second == TYPES.keys()
     blocks = [m for _, _, m in by_topic["/taxel/can"]]
-    assert sum(len(b.id) for b in blocks) == driver.sweeps * len(hand)
+    assert sum(len(b.id) for b in blocks) == sent
     assert blocks[-1].buses == hand.buses and list(blocks[-1].lost) == [0] * len(hand.buses)
     [(at_ns, text)] = marks(out)
     assert text == "the grasp is over"
@@ -111,14 +113,15 @@ def test_a_recording_holds_what_was_sent_and_shown_and_gives_the_same_images(sta
 
 def test_a_part_that_begins_in_a_grasp_gives_the_contacts_that_were_shown(start, lockstep, folder, hand):
     frames = list(grasp(Touches.uneven(hand, seed=4)))
-    daemon = start(conditioning=DAEMON_SETTINGS, sweep=SWEEP)
+    daemon = start(conditioning=DAEMON_SETTINGS, sweep=SWEEP, tick=NEVER_SILENT)
     driver = lockstep(daemon)
     before = [driver.step(counts) for counts in frames[:8]]
     assert before[-1].contacts > 0
     out = folder / "part.mcap"
     with recording(daemon, out) as recorder:
         live = [driver.step(counts) for counts in frames[8:]]
-        eventually(lambda: len(of_topic(out, "/taxel/images")) >= len(live), lambda: recorder.said)
+        sent = (driver.sweeps - len(before)) * len(hand)
+        eventually(lambda: can_frames(out) == sent and len(of_topic(out, "/taxel/images")) >= len(live), lambda: recorder.said)
         assert recorder.end() == 0, recorder.said
     taxel("compress", out, "--out", folder / "part.bin")
     again = full_images(folder / "part.bin")

@@ -6,17 +6,18 @@ import subprocess
 
 import pytest
 from harness.daemon import Daemon, binary
+from harness.recorder import longer_each_time
 
 
 CLOSED = ("&-", "stdout is closed")
 FULL = ("/dev/full", "No space left on device")
 
-# What is typed, by command. Files are new ones at each run, NEW in their names.
+# What is typed, by command. Files are new ones at each run, NEW in their names; SECONDS are enough for something to come.
 PRINTING = {
     "": ["taxel --help", "taxel --version", "taxel --list", "taxel help", "taxel help config show"],
     "taxeld": ["taxeld --help", "taxeld --version", "taxeld --config d/taxeld.toml --check"],
-    "demo": [f"taxel demo --seconds 0.5 {option}" for option in ("", "--headless", "--json")],
-    "view": [f"taxel view {what} --seconds 0.5" for what in ("", "--json", "tap.log", "tap.log --json")],
+    "demo": [f"taxel demo --seconds SECONDS {option}" for option in ("", "--headless", "--json")],
+    "view": [f"taxel view {what} --seconds SECONDS" for what in ("", "--json", "tap.log", "tap.log --json")],
     "watch": ["taxel watch --count 2", "taxel watch --count 2 --json", "taxel watch --count 2 --hz"],
     "layouts": [
         "taxel layouts",
@@ -25,7 +26,7 @@ PRINTING = {
         "taxel layouts allegro-uskin-15 --json",
         "taxel layouts uskin-module --file",
     ],
-    "record": ["taxel record NEW.mcap --seconds 0.2 --json"],
+    "record": ["taxel record NEW.mcap --seconds SECONDS --json"],
     "replay": ["taxel replay tap.log --to - --speed 1000"],
     "convert": ["taxel convert tap.log -", "taxel convert tap.log NEW.npz --json"],
     "compress": ["taxel compress tap.log --out -", "taxel compress tap.log --out NEW.npz --json"],
@@ -113,6 +114,13 @@ def run(folder, request):
         yield run
 
 
+def run_long_enough(run, line, **options):
+    for seconds in longer_each_time():
+        ended = run(line.replace("SECONDS", str(seconds)), **options)
+        if "SECONDS" not in line or not re.search("nothing came of a daemon|no image came", ended.stderr):
+            return ended
+
+
 def test_every_command_is_here(folder):
     assert sorted([*PRINTING, *OTHERS]) == sorted(["", "taxeld", *commands()])
 
@@ -123,13 +131,13 @@ def test_what_cannot_be_printed_is_an_error_and_what_nobody_reads_is_none(comman
     wrong = []
     for number, line in enumerate(lines):
         for kind, (to, word) in enumerate((CLOSED, FULL)):
-            ended = run(line.replace("NEW", f"new-{number}-{kind}") + f" >{to}")
+            ended = run_long_enough(run, line.replace("NEW", f"new-{number}-{kind}") + f" >{to}")
             if ended.returncode != 1 or word not in ended.stderr:
                 wrong.append(f"{line} >{to}: exit code {ended.returncode}, {ended.stderr[-300:]!r}")
         # A pipe that nobody reads any more. The doctor finds fault with the machine in any case.
         reader, writer = os.pipe()
         os.close(reader)
-        ended = run(line.replace("NEW", f"new-{number}-pipe"), stdout=writer)
+        ended = run_long_enough(run, line.replace("NEW", f"new-{number}-pipe"), stdout=writer)
         os.close(writer)
         if ended.returncode != 0 and not line.startswith("taxel doctor"):
             wrong.append(f"{line} | true: exit code {ended.returncode}, {ended.stderr[-300:]!r}")
