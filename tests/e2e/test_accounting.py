@@ -9,7 +9,7 @@ import pytest
 from conditioning import DAEMON_SETTINGS
 from harness.compare import Reference, assert_same
 from harness.daemon import binary, eventually
-from harness.lockstep import SWEEP, next_full_image, next_image
+from harness.lockstep import NEVER_SILENT, SWEEP, next_full_image, next_image
 from harness.recordings import module_counts
 from harness.touches import Touches, grasp
 from sequential_clustering import Profile
@@ -92,7 +92,7 @@ def test_a_repeated_reading_is_a_duplicate_and_the_newest_value_counts(start, lo
 
 
 def test_a_taxel_that_stops_sending_is_missing_and_never_repeated(start, lockstep, buses, hand):
-    daemon = start(conditioning=DAEMON_SETTINGS, sweep={**SWEEP, "deadline_ms": 300.0})
+    daemon = start(conditioning=DAEMON_SETTINGS, sweep={**SWEEP, "deadline_ms": 3000.0})
     touches = Touches.even(hand)
     driver = lockstep(daemon)
     driver.step(touches.frame())
@@ -126,7 +126,7 @@ def test_rezero_measures_the_baseline_anew_without_a_restart(start, lockstep, ha
 
 
 def test_rezero_warns_of_taxels_that_are_touched(start, lockstep, hand):
-    daemon = start(conditioning=DAEMON_SETTINGS)
+    daemon = start(conditioning=DAEMON_SETTINGS, tick=NEVER_SILENT)
     touches = Touches.even(hand)
     driver = lockstep(daemon)
 

@@ -13,8 +13,8 @@ import pytest
 import taxel_reader
 from conditioning import DAEMON_SETTINGS
 from harness.compare import Reference, assert_same
-from harness.daemon import HANGS_AFTER_S, Programs, ask, eventually, read_reply
-from harness.lockstep import next_image
+from harness.daemon import HANGS_AFTER_S, Programs, ask, connect, die_with_parent, eventually, read_reply
+from harness.lockstep import NEVER_SILENT, next_image
 from harness.recorder import taxel
 from harness.touches import Touches, grasp
 from sequential_clustering import Profile
@@ -23,12 +23,6 @@ from sequential_clustering import Profile
 def raw_client(daemon):
     client = socket.socket(socket.AF_UNIX, socket.SOCK_SEQPACKET)
     client.connect(str(daemon.images))
-    return client
-
-
-def control_client(daemon):
-    client = socket.socket(socket.AF_UNIX, socket.SOCK_STREAM)
-    client.connect(str(daemon.control_path))
     return client
 
 
@@ -108,18 +102,20 @@ def test_a_subscription_that_is_refused_is_told_why_and_can_be_corrected(daemon,
 
 
 DISAPPEARING = """
-import socket, sys, time
+import signal, socket, sys
 client = socket.socket(socket.AF_UNIX, socket.SOCK_SEQPACKET)
 client.connect(sys.argv[1])
 client.recv(9)
-time.sleep(60)
+signal.pause()
 """
 
 
 @pytest.mark.parametrize("end", ["killed", "closed without reading", "shut down"])
 def test_a_client_that_disappears_in_the_middle(daemon, healthy, end):
     if end == "killed":
-        clients = [subprocess.Popen([sys.executable, "-c", DISAPPEARING, daemon.images]) for _ in range(3)]
+        clients = [
+            subprocess.Popen([sys.executable, "-c", DISAPPEARING, daemon.images], preexec_fn=die_with_parent) for _ in range(3)
+        ]
         daemon.wait_status(lambda s: len(s["subscribers"]) == 4, "the clients do not connect")
         for client in clients:
             os.kill(client.pid, signal.SIGKILL)
@@ -213,7 +209,7 @@ def test_who_only_looks_in_puts_no_display_out(start):
         onlooker = (
             "import sys, taxel_reader\n"
             "with taxel_reader.connect(sys.argv[1], image=False, status=True) as onlooker:\n"
-            "    while onlooker.receive(60) is not None: pass\n"
+            "    while onlooker.receive(None) is not None: pass\n"
         )
         ended = subprocess.run(
             [sys.executable, "-c", onlooker, daemon.images],
@@ -229,12 +225,16 @@ def test_who_only_looks_in_puts_no_display_out(start):
 
 
 def test_a_slow_reader_is_given_the_newest_image_and_the_count_of_what_it_missed(start, lockstep, hand):
-    daemon = start(conditioning=DAEMON_SETTINGS, socket={"stall_ms": 60000})
+    daemon = start(conditioning=DAEMON_SETTINGS, tick=NEVER_SILENT)
     driver = lockstep(daemon)
     reference = Reference(hand, Profile())
     with taxel_reader.connect(daemon.images) as slow:
-        seen = [next_image(slow)]  # the description of the hand comes before it, and is not skipped
-        frames = list(grasp(Touches.even(hand))) * 4
+        while slow.hello is None:
+            assert slow.receive(HANGS_AFTER_S) is not None, "the hand is not described"
+        first, *frames = list(grasp(Touches.even(hand))) * 4
+        reference.image(first)
+        driver.step(first)
+        seen = [next_image(slow)]
         for counts in frames:
             expected = reference.image(counts)
             newest = driver.step(counts)
@@ -258,7 +258,7 @@ def test_a_slow_reader_is_given_the_newest_image_and_the_count_of_what_it_missed
     ids=["no json", "no command", "unknown command", "unknown key", "no text", "deep"],
 )
 def test_a_bad_control_request_is_refused_and_the_next_one_served(daemon, line):
-    with control_client(daemon) as client:
+    with connect(daemon.control_path) as client:
         client.sendall(line)
         reply = read_reply(client)
         assert reply["ok"] is False and reply["error"]
@@ -266,7 +266,7 @@ def test_a_bad_control_request_is_refused_and_the_next_one_served(daemon, line):
 
 
 def test_a_control_request_without_end_is_refused(daemon, healthy):
-    with control_client(daemon) as client:
+    with connect(daemon.control_path) as client:
         try:
             client.sendall(b"x" * 1_000_000)
         except (BrokenPipeError, ConnectionResetError):
@@ -278,7 +278,7 @@ def test_a_control_request_without_end_is_refused(daemon, healthy):
 
 def test_a_control_request_may_come_in_pieces_and_several_at_once(daemon):
     request = json.dumps({"cmd": "status"}).encode() + b"\n"
-    with control_client(daemon) as client:
+    with connect(daemon.control_path) as client:
         for byte in request:
             client.sendall(bytes([byte]))
         assert read_reply(client)["ok"]
@@ -292,10 +292,10 @@ def test_a_control_request_may_come_in_pieces_and_several_at_once(daemon):
 
 
 def test_control_clients_that_hang_do_not_hold_up_the_others(daemon, healthy):
-    hanging = [control_client(daemon) for _ in range(20)]
+    hanging = [connect(daemon.control_path) for _ in range(20)]
     for client in hanging:
         client.sendall(b'{"cmd":"sta')
-    with control_client(daemon) as client:
+    with connect(daemon.control_path) as client:
         assert ask(client, {"cmd": "status"})["ok"]
     healthy()
     for client in hanging:

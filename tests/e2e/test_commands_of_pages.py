@@ -9,6 +9,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from harness.bus import GROUP, free_udp_ports
 from harness.daemon import REPOSITORY, binary, die_with_parent, eventually
 from harness.pages import PAGES, commands
 
@@ -49,7 +50,7 @@ def bench(folder):
         preexec_fn=die_with_parent,
     )
     try:
-        eventually(lambda: (folder / "run/images.sock").exists(), "the daemon makes no socket")
+        eventually(lambda: run("taxel status").returncode == 0, "the daemon does not answer")
         yield folder, run, environment
     finally:
         daemon.kill()
@@ -78,9 +79,11 @@ def interrupted(command, shows, folder, environment):
 @pytest.mark.parametrize("page", [page for page in PAGES if to_run(page)], ids=lambda page: page.name)
 def test_commands_of_a_page_do_what_it_says(bench, page):
     folder, run, environment = bench
+    buses = {f"can:vcan{n}": f"udp:{GROUP}:{port}?hops=0" for n, port in enumerate(free_udp_ports(2))}
+    instead_of = buses | LISTED["instead"]
     for command in to_run(page):
         typed = command
-        for what, instead in LISTED["instead"].items():
+        for what, instead in instead_of.items():
             typed = typed.replace(what, instead)
         if command in LISTED["endless"]:
             interrupted(typed, LISTED["endless"][command], folder, environment)

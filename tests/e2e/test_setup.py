@@ -5,25 +5,27 @@ import os
 import random
 import socket
 import subprocess
-import threading
 
 import numpy as np
 import pytest
 import taxel_reader
 from can.interfaces.udp_multicast.utils import pack_message
+from harness.beside import Beside
 from harness.bus import GROUP
-from harness.daemon import HANGS_AFTER_S, Daemon, binary, die_with_parent, eventually
+from harness.daemon import Daemon, binary, die_with_parent, eventually
 from harness.hand import Hand
+from harness.lockstep import next_image
 from harness.touches import Touches
 
 PERIOD_S = 0.05
 PRESS = 2000  # counts
 
 
-class ShuffledHand:
+class ShuffledHand(Beside):
     """The default hand, its boards in an order of their own, speaking by themselves while it is used as a context."""
 
     def __init__(self, ports, seed=7):
+        super().__init__()
         self.hand = Hand()
         addresses = sorted({(t.bus, t.board) for t in self.hand.taxels})
         shuffled = random.Random(seed).sample(addresses, len(addresses))
@@ -37,21 +39,11 @@ class ShuffledHand:
         self.at_rest = [self.packed(ports, counts) for counts in resting]
         self.pressed_frames = [self.packed(ports, counts + pressed) for counts in resting]
         self.pressed = None
-        self.stop = threading.Event()
-        self.thread = threading.Thread(target=self._run, daemon=True)
 
     def packed(self, ports, counts):
         return [(pack_message(message), (GROUP, ports[bus])) for bus, message in self.hand.sweep(counts)]
 
-    def __enter__(self):
-        self.thread.start()
-        return self
-
-    def __exit__(self, *_):
-        self.stop.set()
-        self.thread.join()
-
-    def _run(self):
+    def run(self):
         with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as sender:
             sender.setsockopt(socket.IPPROTO_IP, socket.IP_MULTICAST_TTL, 0)
             count = 0
@@ -143,11 +135,11 @@ def test_the_daemon_of_the_written_configuration_shows_a_press_where_it_was_said
     with daemon, taxel_reader.connect(daemon.images) as reader:
 
         def image_of(is_wanted, what):
-            for _ in range(600):
-                image = reader.receive(HANGS_AFTER_S)
-                if isinstance(image, taxel_reader.Image) and not image.calibrating and is_wanted(image):
-                    return np.frombuffer(image.pixels, np.uint8).reshape(shuffled.hand.shape)
-            raise AssertionError(what)
+            def wanted():
+                image = next_image(reader)
+                return not image.calibrating and is_wanted(image) and image
+
+            return np.frombuffer(eventually(wanted, what).pixels, np.uint8).reshape(shuffled.hand.shape)
 
         for module in ["index tip", "ring middle", "thumb tip"]:
             image_of(lambda image: image.contacts == 0, "the hand is not at rest")
