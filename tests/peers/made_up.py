@@ -6,7 +6,8 @@
 Balls, edges and flat punches under a soft skin, with the pressures of Hertz and of a rigid punch (Johnson, Contact
 Mechanics, 1985, chapters 3, 4 and 2), blurred by 0.8 of a taxel, with noise of one count in 300. It says nothing of a
 real skin. Then blocks that go on by a pixel a frame, large discs by less, and things that turn or roll in every frame.
-Prints tables in Markdown: each skin's contacts, and of `optimal` what docs/benchmarks.md sets as goals.
+Prints tables in Markdown: each skin's contacts, and of `optimal` what docs/benchmarks.md sets as goals. Last, two even
+forces side by side, and the same turned by 90 degrees (--only-even prints that table alone).
 """
 
 import tempfile
@@ -27,6 +28,9 @@ SKINS = [
 BLOCKS = [(4, 4), (4, 5), (3, 6), (5, 6), (1, 17)]
 # Rows x columns of a skin, radius of a disc on it, pixels that it goes on in a frame.
 DISCS = [(37, 38, 12, 0.3), (64, 64, 18, 0.5)]
+
+# Rows x columns of a contact, columns of it that are pressed with the first force and not the second, the two.
+EVEN = [(6, 8, 4, 300, 40), (6, 7, 3, 300, 60), (6, 6, 3, 200, 100), (7, 5, 3, 300, 100), (8, 7, 4, 600, 60)]
 
 # What turns or rolls, rows x columns, kind of thing, its radius.
 TURNS = [("edge that turns", 20, 20, 1, 4), ("square that turns", 20, 20, 2, 6), ("ball that rolls", 20, 32, 0, 4.5)]
@@ -118,12 +122,38 @@ def turning(rows: int, columns: int, kind: int, radius: float) -> np.ndarray:
     return np.round(8 * np.array(felt)).astype(np.uint16)
 
 
+def even(rows: int, columns: int, hard_columns: int, hard: float, soft: float) -> np.ndarray:
+    """Two even forces side by side, with a noise of 3, on a skin of 12 x 12."""
+    felt = np.zeros((30, 12, 12))
+    force = np.where(np.arange(columns) < hard_columns, hard, soft)
+    felt[:, 2 : 2 + rows, 2 : 2 + columns] = force + np.random.default_rng(2).normal(0, 3, (30, rows, columns))
+    return np.round(8 * felt).astype(np.uint16)
+
+
+def print_even(args, folder: Path) -> None:
+    head("contact", "`optimal` NRMSE shown", "turned", "with `force_distance` 0", "turned", "`paper`", "turned")
+    for contact in EVEN:
+        rows, columns, hard_columns, hard, soft = contact
+        shown = []
+        for felt in (even(*contact), even(*contact).transpose(0, 2, 1)):
+            np.save(folder / "even.npy", np.ascontiguousarray(felt))
+            methods = ["optimal", "optimal force_distance=0", "paper"]
+            report = judged(args, methods, str(folder / "even.npy"), "--threshold", "80", "--release", "40")
+            shown.append([f"{method['displayed_nrmse']:.4f}" for method in report["methods"]])
+        name = f"{rows} x {columns}, {hard_columns} columns at {hard}, the others at {soft}"
+        line(name, *(error for pair in zip(*shown) for error in pair))
+
+
 def main() -> None:
     parser = command_line(__doc__)
+    parser.add_argument("--only-even", action="store_true", help="the last table alone")
     parser.add_argument("--keep", type=Path, help="a folder for the recordings, as .npy")
     args = parser.parse_args()
     with tempfile.TemporaryDirectory() as made:
         folder = args.keep or Path(made)
+        if args.only_even:
+            print_even(args, folder)
+            return
 
         def judge(name: str, path: Path, felt: np.ndarray) -> None:
             np.save(path, felt)
@@ -150,6 +180,8 @@ def main() -> None:
             judge(f"disc of radius {radius} on {rows} x {columns}", path, disc(rows, columns, radius, by))
         for name, rows, columns, kind, radius in TURNS:
             judge(name, folder / f"{name.replace(' ', '-')}.npy", turning(rows, columns, kind, radius))
+        print()
+        print_even(args, folder)
 
 
 if __name__ == "__main__":
