@@ -7,6 +7,7 @@
 //! - [`RecordingWriter`], [`RecordingReader`]: a file, one way and the other.
 //! - [`Store`]: what comes, into files that are split, or only around a trigger.
 //! - [`record`]: the threads that read a hand and write it.
+//! - [`Translation`]: from what a daemon sends to messages, for others who send these on.
 
 mod can_block;
 mod can_reader;
@@ -21,6 +22,7 @@ mod standard;
 mod store;
 mod store_error;
 mod tactile;
+mod translation;
 mod writer;
 mod zstd;
 
@@ -38,4 +40,5 @@ pub use standard::{
 pub use store::{Around, Split, Store, Written};
 pub use store_error::StoreError;
 pub use tactile::{RecordedFrame, frame_message, image_message, read_image};
+pub use translation::{Taker, Translation};
 pub use writer::{Attached, Entry, Preamble, RecordingWriter};

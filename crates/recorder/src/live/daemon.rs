@@ -3,10 +3,8 @@
 use super::can::Buses;
 use super::{Described, LOOK, Message, Plan, Shared};
 use crate::schema::Topic;
-use crate::standard::{
-    diagnostics_message, event_message, event_name, joints_message, picture_message, text_message,
-};
-use crate::tactile::{frame_message, image_message};
+use crate::standard::event_message;
+use crate::translation::{Taker, Translation};
 use crate::writer::Entry;
 use std::path::Path;
 use std::sync::PoisonError;
@@ -15,8 +13,7 @@ use std::sync::mpsc::SyncSender;
 use std::thread;
 use std::time::{Duration, Instant};
 use taxel_can::monotonic_ns;
-use taxel_wire::status::Status;
-use taxel_wire::{Clock, EventKind, Hello, Received, Subscribe, Subscriber};
+use taxel_wire::{EventKind, Hello, Received, Subscribe, Subscriber};
 
 /// How long messages are left to gather in the socket.
 const READ_PAUSE: Duration = Duration::from_millis(40);
@@ -105,124 +102,99 @@ fn read_subscription(
         every: true,
         ..Subscribe::default()
     })?;
-    let mut kept = Kept {
-        is_followed: false,
-        joints: Vec::new(),
-        is_monotonic: false,
-        mark_triggers,
-        recorded,
+    let mut is_followed = false;
+    let mut translation = Translation::default();
+    let mut taken = Taken {
+        gathered: 0,
         queue,
         shared,
     };
-    let (mut wait, mut gathered) = (Duration::ZERO, 0);
+    let mut wait = Duration::ZERO;
     while !shared.is_over() {
         let Some(received) = subscriber.next_timeout(wait)? else {
             // A large hand fills a socket soon, and to wake up for each of its messages costs little beside them.
-            wait = if gathered > MOST_GATHERED {
+            wait = if taken.gathered > MOST_GATHERED {
                 LOOK
             } else {
                 thread::sleep(READ_PAUSE);
                 Duration::ZERO
             };
-            gathered = 0;
+            taken.gathered = 0;
             continue;
         };
         wait = Duration::ZERO;
-        kept.keep(received, &mut |topic, wall_ns, data: Vec<u8>| {
-            gathered += data.len();
-            shared.entry(queue, topic, wall_ns, data);
-        });
+        // What a daemon describes later is its profile at most: whatever else its configuration has in a file by then is
+        // not in force before a restart.
+        if let Received::Hello(hello) = &received {
+            shared.is_described.store(true, Ordering::Relaxed);
+            if !std::mem::replace(&mut is_followed, true) {
+                follow(hello, recorded, queue, shared);
+            }
+        }
+        count(&received, shared);
+        let event = match &received {
+            Received::Event(header, event) => Some((header.t_ns, event.clone())),
+            _ => None,
+        };
+        let problems = translation.translate(received, &mut taken);
+        if let Some(status) = problems {
+            *shared.problems.lock().unwrap_or_else(PoisonError::into_inner) = status.problems;
+        }
+        match event {
+            Some((_, event)) if event.event == EventKind::Disconnect => {
+                (shared.signals.say)(&format!("taxeld closes the connection: {}", event.message));
+            }
+            Some((t_ns, mark)) if mark_triggers && mark.event == EventKind::Mark => {
+                let wall_ns = translation.wall_ns(&taken, t_ns);
+                let why = format!("mark {:?}", mark.message);
+                shared.hand_over(queue, Message::Trigger { wall_ns, why });
+            }
+            _ => {}
+        }
     }
     Ok(())
 }
 
-/// What a subscription is written with.
-struct Kept<'a> {
-    /// Whether its daemon has described itself. What it describes later is its profile at most: whatever else its
-    /// configuration has in a file by then is not in force before a restart.
-    is_followed: bool,
-    /// The joints of the hand, by the newest HELLO.
-    joints: Vec<String>,
-    /// Whether its times are those of this machine.
-    is_monotonic: bool,
-    mark_triggers: bool,
-    recorded: &'a mut Described,
+/// Counts an image or a frame, and what was passed over before it.
+fn count(received: &Received<'_>, shared: &Shared<'_>) {
+    let skipped = match received {
+        Received::Image(header, _) => {
+            shared.images.fetch_add(1, Ordering::Relaxed);
+            header.skipped
+        }
+        Received::Raw(header, _) => header.skipped,
+        _ => return,
+    };
+    shared.skipped.fetch_add(skipped.into(), Ordering::Relaxed);
+}
+
+/// Takes every message, into the queue to the writer.
+struct Taken<'a> {
+    /// Bytes taken since it was last set to nothing.
+    gathered: usize,
     queue: &'a SyncSender<Message>,
     shared: &'a Shared<'a>,
 }
 
-impl Kept<'_> {
-    /// Puts what is kept of a message: topic, time on the wall clock, bytes.
-    fn keep(&mut self, received: Received<'_>, put: &mut dyn FnMut(Topic, u64, Vec<u8>)) {
-        let shared = self.shared;
-        let now_ns = shared.wall.at(monotonic_ns());
-        let is_monotonic = self.is_monotonic;
-        let wall = |t_ns| match is_monotonic {
-            true => shared.wall.at(t_ns),
-            false => now_ns,
-        };
-        match received {
-            Received::Hello(hello) => {
-                shared.is_described.store(true, Ordering::Relaxed);
-                if !std::mem::replace(&mut self.is_followed, true) {
-                    follow(hello, self.recorded, self.queue, shared);
-                }
-                self.is_monotonic = hello.clock == Clock::Monotonic;
-                self.joints.clone_from(&hello.joints);
-                let text = String::from_utf8_lossy(&hello.to_json()).into_owned();
-                put(Topic::Hello, now_ns, text_message(&text));
-            }
-            Received::Raw(header, raw) => {
-                let wall_ns = wall(header.t_ns);
-                shared.skipped.fetch_add(header.skipped.into(), Ordering::Relaxed);
-                put(Topic::Frames, wall_ns, frame_message(&header, &raw));
-                if raw.joints().len() == self.joints.len() && !self.joints.is_empty() {
-                    put(
-                        Topic::Joints,
-                        wall_ns,
-                        joints_message(&self.joints, &raw, shared.stamp_ns(wall_ns)),
-                    );
-                }
-            }
-            Received::Image(header, image) => {
-                let wall_ns = wall(header.t_ns);
-                shared.images.fetch_add(1, Ordering::Relaxed);
-                shared.skipped.fetch_add(header.skipped.into(), Ordering::Relaxed);
-                put(Topic::Images, wall_ns, image_message(&header, &image));
-                put(
-                    Topic::Picture,
-                    wall_ns,
-                    picture_message(&image, shared.stamp_ns(wall_ns)),
-                );
-            }
-            Received::Status(_, status) => {
-                put(Topic::Status, now_ns, text_message(&status.to_string()));
-                if let Ok(status) = Status::try_from(status) {
-                    put(
-                        Topic::Diagnostics,
-                        now_ns,
-                        diagnostics_message(&status, shared.stamp_ns(now_ns)),
-                    );
-                    *shared.problems.lock().unwrap_or_else(PoisonError::into_inner) = status.problems;
-                }
-            }
-            Received::Event(header, event) => {
-                let wall_ns = if event.event == EventKind::Mark {
-                    wall(header.t_ns)
-                } else {
-                    now_ns
-                };
-                let text = event_message(event_name(event.event), &event.message, shared.stamp_ns(wall_ns));
-                put(Topic::Events, wall_ns, text);
-                if event.event == EventKind::Disconnect {
-                    (shared.signals.say)(&format!("taxeld closes the connection: {}", event.message));
-                }
-                if self.mark_triggers && event.event == EventKind::Mark {
-                    let why = format!("mark {:?}", event.message);
-                    shared.hand_over(self.queue, Message::Trigger { wall_ns, why });
-                }
-            }
-            Received::Touch(..) | Received::Estimate(..) | Received::Other(_) => {}
-        }
+impl Taker for Taken<'_> {
+    fn wants(&self, _topic: Topic) -> bool {
+        true
+    }
+
+    fn now_ns(&self) -> u64 {
+        self.shared.wall.at(monotonic_ns())
+    }
+
+    fn wall_ns(&self, t_ns: u64) -> u64 {
+        self.shared.wall.at(t_ns)
+    }
+
+    fn stamp_ns(&self, wall_ns: u64) -> u64 {
+        self.shared.stamp_ns(wall_ns)
+    }
+
+    fn take(&mut self, topic: Topic, wall_ns: u64, data: Vec<u8>) {
+        self.gathered += data.len();
+        self.shared.entry(self.queue, topic, wall_ns, data);
     }
 }
