@@ -20,6 +20,7 @@ mod everyday;
 mod extension;
 mod figures;
 mod forearm;
+mod foxglove;
 mod layouts;
 mod manual;
 mod metrics;
@@ -65,6 +66,7 @@ Examples:
   taxel view                                     the hand of the daemon on this machine, drawn
   taxel watch                                    one line per image of the daemon on this machine
   taxel sim tap --to can:vcan0 --to can:vcan1    a simulated hand on two virtual buses
+  taxel foxglove                                 that hand live in Foxglove and Lichtblick
   taxel record grasp.mcap                        everything the daemon on this machine has, until Ctrl-C
   taxel replay grasp.log --to can:vcan0          a recording back onto a bus
   taxel convert grasp.mcap grasp.npz             a recording in another format
@@ -103,6 +105,7 @@ enum Command {
     Profile(everyday::ProfileArgs),
     Mark(everyday::MarkArgs),
     Metrics(metrics::Args),
+    Foxglove(foxglove::Args),
     Servo(servo::Args),
     Setup(Box<setup::Args>),
     Completions(manual::CompletionsArgs),
@@ -160,6 +163,7 @@ fn run() -> anyhow::Result<ExitCode> {
         Command::Profile(args) => everyday::profile(&args),
         Command::Mark(args) => everyday::mark(&args),
         Command::Metrics(args) => metrics::run(&args),
+        Command::Foxglove(args) => foxglove::run(&args),
         Command::Servo(args) => servo::run(&args),
         Command::Setup(args) => setup::run(&args),
         Command::Completions(args) => manual::completions(&args, Cli::command()),

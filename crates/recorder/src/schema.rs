@@ -52,6 +52,16 @@ impl Topic {
         self.schema().topic
     }
 
+    /// The name of its messages' type, such as `sensor_msgs/msg/Image`.
+    pub fn type_name(self) -> &'static str {
+        self.schema().type_name
+    }
+
+    /// The definition of its messages and of what they hold, as ROS 2 writes it (`ros2msg`).
+    pub fn definition(self) -> &'static str {
+        self.schema().text
+    }
+
     pub(crate) fn schema(self) -> Schema {
         let (topic, type_name, text) = match self {
             Self::Can => ("/taxel/can", "taxel_msgs/msg/CanFrames", CAN_FRAMES),

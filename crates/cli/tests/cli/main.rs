@@ -18,6 +18,7 @@ mod figures;
 mod files;
 mod forearm;
 mod forearm_scene;
+mod foxglove;
 mod interfaces;
 mod manual;
 mod metrics;

@@ -1,0 +1,278 @@
+//! A client's task: what it says, and what it is sent.
+
+use crate::counts::add;
+use crate::hub::{Client, Hub, ToSend};
+use crate::protocol::{ClientText, DATA_HEAD};
+use crate::stream::{Stream, TooMuch};
+use nix::sys::socket::{Shutdown, shutdown};
+use std::io;
+use std::os::fd::AsRawFd;
+use std::sync::Arc;
+use std::time::{Duration, Instant};
+use tokio::net::TcpStream;
+use tokio::time::{MissedTickBehavior, interval, timeout};
+use tungstenite::error::ProtocolError;
+use tungstenite::protocol::CloseFrame;
+use tungstenite::protocol::frame::coding::CloseCode;
+use tungstenite::{Bytes, Error, Message, WebSocket};
+
+/// How long a client may take nothing while something waits for it.
+const STALL: Duration = Duration::from_secs(5);
+/// Between two questions whether a client is still there.
+const PING: Duration = Duration::from_secs(10);
+/// How long it may answer none of them.
+const SILENCE: Duration = Duration::from_secs(30);
+/// How often to look at these.
+const LOOK: Duration = Duration::from_millis(500);
+/// How often a client may ask for what cannot be done.
+const MOST_FAULTS: u32 = 100;
+/// Bytes that are put together to be sent at once.
+const AT_ONCE: usize = 64 << 10;
+/// How long a client that is let go has to read why.
+const FAREWELL: Duration = Duration::from_millis(500);
+/// The most bytes of the reason.
+const MOST_OF_REASON: usize = 120;
+
+/// Why a connection ends.
+#[derive(Debug)]
+enum End {
+    /// The client has closed it, or it is torn.
+    Left,
+    /// This program ends.
+    Over,
+    /// It is let go, for this.
+    LetGo(CloseCode, String),
+}
+
+impl From<Error> for End {
+    fn from(error: Error) -> Self {
+        match error {
+            Error::ConnectionClosed | Error::AlreadyClosed => Self::Left,
+            Error::Protocol(ProtocolError::ResetWithoutClosingHandshake) => Self::Left,
+            Error::Io(error) if error.get_ref().is_some_and(|inner| inner.is::<TooMuch>()) => {
+                Self::LetGo(CloseCode::Policy, TooMuch.to_string())
+            }
+            Error::Io(_) => Self::Left,
+            Error::Capacity(error) => Self::LetGo(CloseCode::Size, error.to_string()),
+            error => Self::LetGo(CloseCode::Protocol, error.to_string()),
+        }
+    }
+}
+
+/// Serves a client until it is gone, or let go.
+pub(crate) async fn attend(
+    hub: &Hub,
+    client: &Arc<Client>,
+    socket: &TcpStream,
+    websocket: WebSocket<Stream>,
+) {
+    let mut attended = Attended {
+        hub,
+        client,
+        websocket,
+        unsent_since: None,
+        pinged: Instant::now(),
+        faults: 0,
+        messages: 0,
+    };
+    let end = attended.serve(socket).await;
+    let lost = hub.leave(client);
+    let (code, why) = match end {
+        End::Left => {
+            let messages = attended.messages;
+            hub.remark(format!(
+                "{} left: {messages} messages, {lost} lost",
+                client.address
+            ));
+            return;
+        }
+        End::Over => (CloseCode::Away, "taxel foxglove ends".into()),
+        End::LetGo(code, why) => {
+            add(&hub.counters.let_go, 1);
+            hub.remark(format!("{} is let go: {why}", client.address));
+            (code, why)
+        }
+    };
+    attended.say_why(code, &why);
+    part(socket).await;
+}
+
+/// Closes a connection so that what was sent last is read: where something of the client were unread, the kernel would
+/// throw that away.
+pub(crate) async fn part(socket: &TcpStream) {
+    let _ = shutdown(socket.as_raw_fd(), Shutdown::Write);
+    let _ = timeout(FAREWELL, drain(socket)).await;
+}
+
+/// Reads what a client still sends, until it closes.
+async fn drain(socket: &TcpStream) -> io::Result<()> {
+    let mut passed_over = [0; 4096];
+    loop {
+        socket.readable().await?;
+        match socket.try_read(&mut passed_over) {
+            Ok(0) => return Ok(()),
+            Ok(_) => tokio::task::yield_now().await,
+            Err(error) if error.kind() == io::ErrorKind::WouldBlock => {}
+            Err(error) => return Err(error),
+        }
+    }
+}
+
+struct Attended<'a> {
+    hub: &'a Hub,
+    client: &'a Arc<Client>,
+    websocket: WebSocket<Stream>,
+    /// Since when something waits to be taken by the socket.
+    unsent_since: Option<Instant>,
+    pinged: Instant,
+    faults: u32,
+    messages: u64,
+}
+
+impl Attended<'_> {
+    async fn serve(&mut self, socket: &TcpStream) -> End {
+        let mut look = interval(LOOK);
+        look.set_missed_tick_behavior(MissedTickBehavior::Delay);
+        loop {
+            if let Err(end) = self.read().and_then(|()| self.write()) {
+                return end;
+            }
+            if self.hub.has_ended() {
+                return End::Over;
+            }
+            let ready = tokio::select! {
+                ready = socket.readable() => ready,
+                ready = socket.writable(), if self.unsent_since.is_some() => ready,
+                () = self.client.wake.notified() => Ok(()),
+                _ = look.tick() => match self.look() {
+                    Ok(()) => Ok(()),
+                    Err(end) => return end,
+                },
+            };
+            if ready.is_err() {
+                return End::Left;
+            }
+            // The others' turn, however much this one has to say.
+            tokio::task::yield_now().await;
+        }
+    }
+
+    /// Does what the client says.
+    fn read(&mut self) -> Result<(), End> {
+        loop {
+            match self.websocket.read() {
+                Ok(Message::Text(text)) => self.heed(text.as_str())?,
+                Ok(Message::Binary(_)) => self.fault("nothing is published by clients here")?,
+                // The answer is written with what comes next.
+                Ok(Message::Ping(_)) => self.is_unsent(),
+                Ok(Message::Pong(_) | Message::Close(_) | Message::Frame(_)) => {}
+                Err(error) => return unless_blocked(Err(error)),
+            }
+        }
+    }
+
+    fn heed(&mut self, text: &str) -> Result<(), End> {
+        let done = match serde_json::from_str(text) {
+            Ok(ClientText::Subscribe { subscriptions }) => self.hub.subscribe(self.client, &subscriptions),
+            Ok(ClientText::Unsubscribe { subscription_ids }) => {
+                self.hub.unsubscribe(self.client, &subscription_ids)
+            }
+            Ok(ClientText::Other) => Err("this server only sends: it knows subscribe and unsubscribe".into()),
+            Err(error) => Err(format!("not understood: {error}")),
+        };
+        done.or_else(|why| self.fault(&why))
+    }
+
+    fn fault(&mut self, why: &str) -> Result<(), End> {
+        self.hub.fault(self.client, why);
+        self.faults += 1;
+        match self.faults {
+            MOST_FAULTS.. => {
+                let why = format!("asks again and again for what cannot be done, as this: {why}");
+                Err(End::LetGo(CloseCode::Policy, why))
+            }
+            _ => Ok(()),
+        }
+    }
+
+    fn is_unsent(&mut self) {
+        self.unsent_since.get_or_insert_with(Instant::now);
+    }
+
+    /// Sends what there is, as far as the socket takes it.
+    fn write(&mut self) -> Result<(), End> {
+        while self.websocket.can_write() {
+            if self.unsent_since.is_some() {
+                match self.websocket.flush() {
+                    Ok(()) => self.unsent_since = None,
+                    blocked => return unless_blocked(blocked),
+                }
+            }
+            let mut put = 0;
+            while put < AT_ONCE
+                && let Some(next) = self.client.next()
+            {
+                let message = match next {
+                    ToSend::Text(text) => Message::from(text),
+                    ToSend::Data(data) => {
+                        self.messages += 1;
+                        add(&self.hub.counters.messages, 1);
+                        add(&self.hub.counters.bytes, (data.len() - DATA_HEAD) as u64);
+                        Message::from(data)
+                    }
+                };
+                put += message.len();
+                self.is_unsent();
+                // What the socket does not take is kept, and flushed.
+                unless_blocked(self.websocket.write(message))?;
+            }
+            if put == 0 {
+                break;
+            }
+        }
+        Ok(())
+    }
+
+    /// Whether the client is still there, and takes something.
+    fn look(&mut self) -> Result<(), End> {
+        let now = Instant::now();
+        let since = |then: Instant| now.saturating_duration_since(then);
+        let stream = self.websocket.get_ref();
+        if self
+            .unsent_since
+            .is_some_and(|unsent| since(unsent.max(stream.taken)) > STALL)
+        {
+            return Err(End::LetGo(
+                CloseCode::Policy,
+                format!("takes nothing for {STALL:?}"),
+            ));
+        }
+        if since(stream.heard) > SILENCE {
+            return Err(End::LetGo(
+                CloseCode::Policy,
+                format!("answers nothing for {SILENCE:?}"),
+            ));
+        }
+        if since(self.pinged) > PING && self.websocket.can_write() {
+            self.pinged = now;
+            self.is_unsent();
+            unless_blocked(self.websocket.write(Message::Ping(Bytes::new())))?;
+        }
+        Ok(())
+    }
+
+    /// Tells the client why it is let go, if it takes that at once.
+    fn say_why(&mut self, code: CloseCode, why: &str) {
+        let cut = (0..=MOST_OF_REASON.min(why.len())).rfind(|at| why.is_char_boundary(*at));
+        let reason = why[..cut.unwrap_or(0)].into();
+        let _ = self.websocket.close(Some(CloseFrame { code, reason }));
+    }
+}
+
+/// What is wrong, if it is more than that the socket is not ready.
+fn unless_blocked(outcome: Result<(), Error>) -> Result<(), End> {
+    match outcome {
+        Err(Error::Io(error)) if error.kind() == io::ErrorKind::WouldBlock => Ok(()),
+        outcome => outcome.map_err(End::from),
+    }
+}
