@@ -5,7 +5,7 @@ use taxel_can::{LinkState, SourceCounters};
 use taxel_engine::Frames;
 use taxel_hand::{Fault, ForceFrame};
 use taxel_joints::JointsSnapshot;
-use taxel_skin::{BoardStatus, BusCounters, BusLoad, ConditionCounters, Finding};
+use taxel_skin::{BoardStatus, BusCounters, BusLoad, ConditionCounters, Finding, Movement};
 
 /// Findings that are reported at once.
 const MOST_FINDINGS: usize = 64;
@@ -50,8 +50,8 @@ pub(crate) struct Snapshot {
     pub(crate) conditioning: ConditionCounters,
     /// Calibrations that had ended before what was felt; its threshold is that of the last of them.
     pub(crate) calibrations: u64,
-    /// Whether the hand moved in the last of them.
-    pub(crate) moved: bool,
+    /// What moved in the last of them.
+    pub(crate) moved: Movement,
     /// Whether images are paused.
     pub(crate) paused: bool,
     /// Joint angles, and what each joint has delivered.
@@ -101,7 +101,7 @@ impl Snapshot {
             faulty: 0,
             conditioning: ConditionCounters::default(),
             calibrations: 0,
-            moved: false,
+            moved: Movement::None,
             paused: false,
             joints: JointsSnapshot::new(joints),
             joints_source: SourceCounters::default(),

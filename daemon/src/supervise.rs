@@ -14,9 +14,9 @@ use taxel_can::LinkState;
 use taxel_diagnose::{
     ANY_CHANGE_IS_CONTACT, BusView, Crowd, HandView, JointsReporter, JointsView, News, Severity,
 };
-use taxel_hand::Fault;
+use taxel_hand::{Fault, plural};
 use taxel_serve::{LogLines, and_unsaid};
-use taxel_skin::BoardState;
+use taxel_skin::{BoardState, Movement};
 use taxel_wire::{Event, EventKind};
 use tokio::time::{Instant, MissedTickBehavior, interval};
 
@@ -230,6 +230,14 @@ fn calibrated_event(now: &Snapshot) -> Event {
     if threshold == 0.0 {
         text += &format!(": {ANY_CHANGE_IS_CONTACT}");
     }
+    text += &match now.moved {
+        Movement::None => String::new(),
+        Movement::Taxels(count) => format!("; {} moved meanwhile", plural(count as usize, "taxel")),
+        Movement::InOneHalf => "; the hand moved meanwhile, and rests as in the quieter half".into(),
+        Movement::InBothHalves => {
+            "; the hand moved all the time, and that is what the threshold is of".into()
+        }
+    };
     Event::new(EventKind::Calibrated, text)
 }
 
@@ -349,11 +357,25 @@ mod tests {
             look
         };
         let (measuring, measured, of_none) = (look(0, true, 0.0), look(1, false, 12.5), look(1, false, 0.0));
+        let mut in_movement = look(1, false, 4508.0);
+        in_movement.moved = Movement::InBothHalves;
+        let mut touched = look(1, false, 12.5);
+        touched.moved = Movement::Taxels(7);
         let begins = "measuring the baseline";
         for (before, now, wanted) in [
             (None, &measuring, vec![]),
             (None, &measured, vec!["baseline measured, contact threshold 12.5"]),
             (None, &of_none, vec!["baseline measured, contact threshold 0.0: "]),
+            (
+                None,
+                &in_movement,
+                vec!["baseline measured, contact threshold 4508.0; the hand moved all the time, and"],
+            ),
+            (
+                None,
+                &touched,
+                vec!["baseline measured, contact threshold 12.5; 7 taxels moved meanwhile"],
+            ),
             (Some(&measuring), &measured, vec!["baseline measured"]),
             (Some(&measured), &measured, vec![]),
             (Some(&measured), &look(1, true, 12.5), vec![begins]),

@@ -21,6 +21,9 @@ OUTLIER_SIGMAS = 5.0
 STEPS, STEP_REVERSALS, STEP_WITNESSES = range(4, 1025), 4, 2
 STEP_ON_ALL_AXES = 1.75
 MOVED_PEAKS, MOVED_LEAST, MOVED_SAMPLES, SLOW_VARIANCES = 2.0, 4, 16, 3.0
+WANDER_VARIANCES, WANDER_COUNTS = 12.0, 20.0
+NOISE_SAMPLES, NOISE_PARTS, NOISIER_VARIANCES, NOISIER_PEAKS, NOISE_OFF_LEVEL = 10, 4, 2.0, 1.25, 0.6
+NOISIER_ONE_OF = 4
 TOUCH_COUNTS, TOUCH_SIGMAS = 60.0, 4.0
 NOISE_SIGMAS, NOISE_FLOOR = 8.0, 150.0
 MARGIN, RELEASE, LEAST_THRESHOLD = 1.5, 0.8, 10.0
@@ -86,25 +89,55 @@ def successive_variance(samples, kept):
     return np.sum(steps * steps / 2.0, axis=0) / max(1, len(steps))
 
 
-def rest_in_the_quieter_half(rest):
-    """Where most taxels move in one half of the window: takes the other one; says whether it is so."""
+def wanders(variance, noise):
+    """Whether samples of this variance, and of so much from one to the next, vary far more slowly than noise."""
+    return bool(variance > WANDER_COUNTS**2 and variance > WANDER_VARIANCES * noise)
+
+
+def judge_movement(rest):
+    """Where most taxels move in one half of the window: takes the other one, and says so. Of fewer than half of them, those
+    that wander have their baseline from it, if it is still."""
     for moved in range(2):
         moving = [r.moves(moved) for r in rest]
         if 2 * sum(moving) > len(rest):
             for r, moves in zip(rest, moving):
                 r.touched |= moves
-                r.baseline, r.peak = r.halves[1 - moved].baseline, r.halves[1 - moved].peak
+                if r.halves:
+                    still = r.halves[1 - moved]
+                    r.baseline, r.peak, r.noise_peak = still.baseline, still.peak, min(r.noise_peak, still.noise_peak)
             return True
+    if 2 * sum(r.wanders for r in rest) <= len(rest):
+        for r in rest:
+            still = next((r.halves[1 - moved] for moved in range(2) if r.wanders and r.moves(moved)), None)
+            if still is not None and not still.wanders:
+                r.baseline = still.baseline
     return False
 
 
-class Half:
-    """What half a window of (T, 3) samples says, and whether they vary more slowly than noise."""
+def variances(samples, step):
+    """Of (T, 3) samples, outliers left out: variance, the one from sample to sample, their mean, and how far they go."""
+    kept, mean, peak = usual(samples, step)
+    variance = np.sum((samples[kept] - mean) ** 2) / max(1, np.sum(kept))
+    return variance, np.sum(successive_variance(samples, kept)), mean, peak
 
-    def __init__(self, samples, step):
-        kept, self.baseline, self.peak = usual(samples, step)
-        variance = np.sum((samples[kept] - self.baseline) ** 2) / max(1, np.sum(kept))
-        self.is_slow = bool(variance > SLOW_VARIANCES * np.sum(successive_variance(samples, kept)))
+
+class Half:
+    """What half a window of (T, 3) samples says; `noise`, `level` and `peak` are those of the whole window."""
+
+    def __init__(self, samples, step, noise, level, peak):
+        variance, own_noise, self.baseline, self.peak = variances(samples, step)
+        self.is_slow = bool(variance > SLOW_VARIANCES * own_noise)
+        self.wanders = wanders(variance, own_noise)
+        self.noise_peak = 0.0
+        n = len(samples)
+        parts = min(n // NOISE_SAMPLES, NOISE_PARTS)
+        for part in range(parts):
+            of = samples[part * n // parts : (part + 1) * n // parts]
+            part_variance, part_noise, part_level, part_peak = variances(of, step)
+            noisier = part_noise > NOISIER_VARIANCES * noise and part_peak > NOISIER_PEAKS * peak
+            stays = np.sum((part_level - level) ** 2) <= NOISE_OFF_LEVEL**2 * part_variance
+            if noisier and stays and part_variance <= SLOW_VARIANCES * part_noise:
+                self.noise_peak = max(self.noise_peak, part_peak)
 
 
 class Rest:
@@ -113,15 +146,20 @@ class Rest:
     def __init__(self, samples, step=1):
         samples = np.asarray(samples, dtype=np.float64)
         kept, self.baseline, self.peak = usual(samples, step)
+        total, noise, _, _ = variances(samples, step)
+        self.wanders = wanders(total, noise)
         self.step = int(np.max(step))
         self.constant = bool(np.all(samples == samples[0]))
         variance = successive_variance(samples, kept)
         self.noise = math.sqrt(variance[0] + variance[1] + variance[2])
         n = len(samples)
-        self.halves = [Half(half, step) for half in (samples[: n // 2], samples[n // 2 :])] if n >= MOVED_SAMPLES else []
+        halves = (samples[: n // 2], samples[n // 2 :]) if n >= MOVED_SAMPLES else ()
+        self.halves = [Half(half, step, noise, self.baseline, self.peak) for half in halves]
         quarters = [np.median(samples[q * n // 4 : (q + 1) * n // 4], axis=0) for q in range(4 if n >= 8 else 1)]
         shift = np.max(quarters, axis=0) - np.min(quarters, axis=0)
         self.touched = bool(np.any(shift > np.maximum(TOUCH_COUNTS, TOUCH_SIGMAS * np.sqrt(variance))))
+        # Under a touch, what presses trembles.
+        self.noise_peak = 0.0 if self.touched else max((half.noise_peak for half in self.halves), default=0.0)
 
     def moves(self, half):
         """Whether the taxel moves in this half of the window, and not in the other."""
@@ -177,12 +215,16 @@ class RobustConditioner:
         noisy = noise > max(median + NOISE_SIGMAS * sigma, floor)
         # There is no way back from these here: the tests' frames have none.
         self.faulty = ~alive | noisy
-        moved = rest_in_the_quieter_half([r for r, a in zip(rest, alive) if a])
+        moved = judge_movement([r for r, a in zip(rest, alive) if a])
         self.baseline = np.array([r.baseline for r in rest])
         self.rested_at = self.baseline.copy()
         healthy = usable & ~noisy
         untouched = healthy & ~np.array([r.touched for r in rest])
-        peaks = np.array([r.peak for r in rest])[untouched if np.any(untouched) and not moved else healthy]
+        peaks = np.array([r.peak for r in rest])
+        noise_peaks = np.array([r.noise_peak for r in rest])
+        if NOISIER_ONE_OF * np.sum(noise_peaks[usable] > 0) > np.sum(usable):
+            peaks = np.maximum(peaks, noise_peaks)
+        peaks = peaks[untouched if np.any(untouched) and not moved else healthy]
         median, sigma = upper_spread(peaks)
         # One step up and down is no stray.
         step = STEP_ON_ALL_AXES * max((r.step for r, h in zip(rest, healthy) if h), default=1)

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from exact_levels import Forces, optimal_levels
 from following_actuators import Follower, heights, neighbour_distance, next_of
-from robust_conditioning import MS, Rest, RobustConditioner, rest_in_the_quieter_half, steps_of, upper_spread
+from robust_conditioning import MS, Rest, RobustConditioner, judge_movement, steps_of, upper_spread
 
 
 def test_the_levels_are_the_means_of_the_cut_with_the_least_error():
@@ -152,10 +152,27 @@ def test_a_hand_that_moves_rests_as_in_its_quieter_half():
     moved = [[[100 + i % 2, 200, 300 + n + 6 * max(0, i - 11)] for n in range(4)] for i in range(24)]
     for frames, moves in ((still, False), (moved, True)):
         rest = [Rest(samples) for samples in np.array(frames).transpose(1, 0, 2)]
-        assert rest_in_the_quieter_half(rest) == moves
+        assert judge_movement(rest) == moves
         assert [r.touched for r in rest] == [moves] * 4
         assert [r.baseline.tolist() for r in rest] == [[100.5, 200, 300 + n] for n in range(4)]
         assert [r.peak for r in rest] == [0.5] * 4
+
+
+def test_of_a_few_taxels_those_that_move_rest_as_in_their_quieter_half():
+    frames = [[[100 + i % 2, 200, 300 + n + (8 * max(0, i - 9) if n == 1 else 0)] for n in range(4)] for i in range(24)]
+    rest = [Rest(samples) for samples in np.array(frames).transpose(1, 0, 2)]
+    assert [r.wanders for r in rest] == [False, True, False, False]
+    assert not judge_movement(rest)
+    assert [r.baseline.tolist() for r in rest] == [[100.5, 200, 300 + n] for n in range(4)]
+    assert rest[1].peak > 30, "what counts for the threshold is that of the whole window"
+
+
+def test_noise_of_a_part_of_the_window_is_no_outlier():
+    random = np.random.default_rng(3)
+    noise = random.normal(0, 20, (96, 3)) * (np.arange(96) >= 72)[:, None]
+    rest = Rest(np.rint(1000 + noise + random.normal(0, 1, (96, 3))))
+    assert rest.peak < 20 and 40 < rest.noise_peak < 90
+    assert Rest(np.rint(1000 + random.normal(0, 20, (96, 3)))).noise_peak == 0.0
 
 
 def test_one_step_is_noise_of_counts_in_steps_and_an_outlier_of_others():

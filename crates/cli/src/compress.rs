@@ -20,7 +20,7 @@ use taxel_playback::interrupt::Interrupt;
 use taxel_playback::output_file::{OutputFile, refuse_overlap};
 use taxel_playback::pipeline::Felt;
 use taxel_playback::progress::Progress;
-use taxel_skin::Layout;
+use taxel_skin::{Layout, Movement};
 use taxeld::Config;
 use taxeld::stdout;
 
@@ -63,7 +63,7 @@ pub(crate) struct Args {
     #[arg(long, value_name = "FILE")]
     learn_codebook: Option<PathBuf>,
     /// One JSON object on stdout in the end: how many images there are, and of which kinds; of counts also the contact
-    /// threshold that was measured, and whether the hand moved meanwhile (moved); both are null of magnitudes
+    /// threshold that was measured, and whether the hand, or taxels of it, moved meanwhile (moved); both are null of magnitudes
     #[arg(long)]
     json: bool,
 }
@@ -168,7 +168,7 @@ struct Run {
     of_counts: bool,
     /// The contact threshold that was measured last, counts, or counts squared.
     threshold: Option<f64>,
-    /// Whether the hand moved in any calibration.
+    /// Whether the hand, or some of its taxels, moved in any calibration.
     moved: Option<bool>,
     /// Whether the recording itself says that values are not there.
     has_gaps: bool,
@@ -201,7 +201,7 @@ impl Run {
         let Felt { measured, force, .. } = *felt;
         self.counts.take(image);
         self.of_counts = measured.is_some();
-        let moves = measured.map(|measured| measured.moved);
+        let moves = measured.map(|measured| measured.moved != Movement::None);
         self.moved = self.moved.max(moves);
         if self.of_counts && !force.calibrating {
             self.threshold = Some(force.threshold);

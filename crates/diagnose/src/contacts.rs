@@ -4,14 +4,34 @@ use crate::kind::Kind;
 use crate::names::some_of;
 use crate::problem::{Place, Problem};
 use crate::view::Look;
+use taxel_skin::Movement;
+
+/// What moved while the baseline was measured, and what follows from it.
+fn moved(movement: Movement) -> Option<String> {
+    Some(match movement {
+        Movement::None => return None,
+        Movement::Taxels(1) => "a taxel moved, or was touched, while its baseline was measured: it may show contacts that are none, \
+                                or miss some"
+            .into(),
+        Movement::Taxels(count) => format!(
+            "{count} taxels moved, or were touched, while their baseline was measured: they may show contacts that are none, or \
+             miss some"
+        ),
+        Movement::InOneHalf => "the hand moved, or was touched, while its baseline was measured: it rests as in the quieter half of \
+                                that time, and may show contacts that are none, or miss some"
+            .into(),
+        Movement::InBothHalves => "the hand moved, or was touched, in both halves of the time in which its baseline was measured: \
+                                   the contact threshold is of that movement, and lighter touches are missed"
+            .into(),
+    })
+}
 
 pub(crate) fn judge(look: &Look<'_>, found: &mut Vec<Problem>) {
-    if look.view.moved {
+    if let Some(moved) = moved(look.view.moved) {
         found.push(Problem::new(
             Kind::BaselineMoved,
             Place::Skin,
-            "the hand moved, or was touched, while its baseline was measured: it rests as in the quieter half of that time, and \
-             may show contacts that are none, or miss some",
+            moved,
             "`taxel rezero` when nothing touches the hand and it is still",
             "the baseline was measured of a hand that is still",
         ));

@@ -5,7 +5,7 @@ use crate::readers::Crowd;
 use crate::reload::NotReloaded;
 use taxel_can::{LinkState, SourceAddress, SourceCounters};
 use taxel_joints::JointsConfig;
-use taxel_skin::{BoardStatus, Finding, Layout};
+use taxel_skin::{BoardStatus, Finding, Layout, Movement};
 
 /// The hand as it is configured.
 #[derive(Debug, Clone, Copy)]
@@ -35,8 +35,8 @@ pub struct HandView<'a> {
     pub boards: &'a [BoardStatus],
     /// What the traffic shows.
     pub findings: &'a [Finding],
-    /// Whether the hand moved while its baseline was measured (`CalibrationReport::moved`).
-    pub moved: bool,
+    /// What moved while the baseline was measured (`CalibrationReport::moved`).
+    pub moved: Movement,
     /// Of each taxel, whether it is in contact without a change for long (`Conditioner::is_unchanging`).
     pub unchanging: &'a [bool],
     /// The joints; `None` where none are read.

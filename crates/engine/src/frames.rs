@@ -1,7 +1,7 @@
 //! What one tick felt.
 
 use taxel_hand::{ForceFrame, TactileFrame};
-use taxel_skin::Conditioner;
+use taxel_skin::{Conditioner, Movement};
 
 /// What one tick felt. The buffers are used again at the next tick.
 #[derive(Debug, Clone)]
@@ -18,8 +18,8 @@ pub struct Frames {
     pub baseline: Vec<[f32; 3]>,
     /// Calibrations that had ended before the frame; its threshold is that of the last of them.
     pub calibrations: u64,
-    /// Whether the hand moved in the last of them ([`CalibrationReport::moved`](taxel_skin::CalibrationReport)).
-    pub moved: bool,
+    /// What moved in the last of them ([`CalibrationReport::moved`](taxel_skin::CalibrationReport)).
+    pub moved: Movement,
 }
 
 impl Frames {
@@ -31,14 +31,14 @@ impl Frames {
             force: ForceFrame::new(taxels),
             baseline: vec![[0.0; 3]; taxels],
             calibrations: 0,
-            moved: false,
+            moved: Movement::None,
         }
     }
 
     /// What the skin feels of the tactile frame at hand, and above which baseline; no contact while `paused`.
     pub(crate) fn feel(&mut self, conditioner: &mut Conditioner, paused: bool) {
         self.calibrations = conditioner.counters().calibrations;
-        self.moved = conditioner.report().is_some_and(|report| report.moved);
+        self.moved = conditioner.report().map_or(Movement::None, |report| report.moved);
         conditioner.process(&self.tactile, &mut self.force);
         if paused {
             self.force.contact.fill(false);

@@ -10,6 +10,7 @@ use std::ops::ControlFlow;
 use taxel_engine::{EngineConfig, EngineError, Frames, Recorded, TickMode, run_recorded, run_whole_frames};
 use taxel_hand::{Fault, Faults, ForceFrame, TactileFrame};
 use taxel_record::Recording;
+use taxel_skin::Movement;
 
 /// Takes what each instant of a recording felt.
 pub type Emit<'a> = dyn FnMut(&Felt<'_>) -> anyhow::Result<()> + 'a;
@@ -32,8 +33,8 @@ pub struct Measured<'a> {
     pub tactile: &'a TactileFrame,
     /// Baseline of each taxel, counts x, y, z; not a number where it has none.
     pub baseline: &'a [[f32; 3]],
-    /// Whether the hand moved while it was calibrated ([`Frames::moved`]).
-    pub moved: bool,
+    /// What moved while the hand was calibrated ([`Frames::moved`]).
+    pub moved: Movement,
 }
 
 impl std::ops::Deref for Measured<'_> {

@@ -64,7 +64,7 @@ pub use sweep::{Push, SweepAssembler, SweepConfig};
 // Conditioning
 pub use condition::{
     BaselineSource, Calibrated, CalibrationReport, ConditionConfig, ConditionCounters, ConditionError,
-    ConditionSettings, Conditioner, FaultRule, MagnitudeMode, Preset, ThresholdSource,
+    ConditionSettings, Conditioner, FaultRule, MagnitudeMode, Movement, Preset, ThresholdSource,
 };
 
 // Recognition of unknown buses

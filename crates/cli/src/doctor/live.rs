@@ -8,7 +8,8 @@ use taxel_diagnose::{BusView, HandSetup, HandView, Problems};
 use taxel_engine::Engine;
 use taxel_joints::JointFeed;
 use taxel_skin::{
-    BoardStatus, BoardSupervisor, BoardsMode, Decoded, Discovery, DiscoveryReport, Finding, Layout, Protocol,
+    BoardStatus, BoardSupervisor, BoardsMode, Decoded, Discovery, DiscoveryReport, Finding, Layout, Movement,
+    Protocol,
 };
 use taxeld::Config;
 
@@ -326,7 +327,7 @@ impl HandListener<'_> {
             boards: &boards,
             findings: self.engine.bus_monitor().findings(),
             // Told by the check `touch`; there is no daemon that could measure it again.
-            moved: false,
+            moved: Movement::None,
             unchanging: &unchanging,
             joints: None,
             boards_due,

@@ -21,7 +21,7 @@ use taxel_playback::scene_input;
 use taxel_playback::traffic::Traffic;
 use taxel_record::Recording;
 use taxel_sim::{Scene, with_stand_in_boards};
-use taxel_skin::{Layout, Preset};
+use taxel_skin::{Layout, Movement, Preset};
 use taxeld::Config;
 
 /// Forces that an option may name.
@@ -273,10 +273,13 @@ impl OfflineArgs {
             engine.calibrated = at_the_beginning(head, config)?;
         }
         let changes = head.map(|head| DaemonChanges::new(head, config)).transpose()?;
-        let (mut held, mut moved) = (HeldToTheEnd::default(), false);
+        let mut held = HeldToTheEnd::default();
+        let (mut moved, mut threshold) = (Movement::None, 0.0);
         let mut emit_held = |felt: &Felt<'_>| {
             held.take(felt.force);
-            moved |= felt.measured.is_some_and(|measured| measured.moved);
+            if let Some(measured) = felt.measured.filter(|measured| measured.moved > moved) {
+                (moved, threshold) = (measured.moved, felt.force.threshold);
+            }
             emit(felt)
         };
         match input {
@@ -301,15 +304,40 @@ impl OfflineArgs {
                 run_traffic(traffic, &interfaces, &engine, changes, &mut emit_held)?;
             }
         }
-        if moved {
-            remark!(
-                "taxel: {}: the hand moved while it was calibrated, or was touched: it rests as in the quieter half of that time; begin with \
-                 a hand that is still, or measure for less time with --calibration-ms",
-                self.input.name()
-            );
-        }
+        self.tell_movement(moved, threshold, config);
         held.say(&self.input.name());
         Ok(())
+    }
+
+    /// Says what moved while the hand was calibrated, and what follows from it.
+    fn tell_movement(&self, moved: Movement, threshold: f64, config: &Config) {
+        let what: String = match moved {
+            Movement::None => return,
+            Movement::Taxels(1) => "a taxel moved while the hand was calibrated, or was touched: it may show contacts that are none, \
+                                    or miss some"
+                .into(),
+            Movement::Taxels(count) => format!(
+                "{count} taxels moved while the hand was calibrated, or were touched: they may show contacts that are none, or miss \
+                 some"
+            ),
+            Movement::InOneHalf => {
+                "the hand moved while it was calibrated, or was touched: it rests as in the quieter half of that time".into()
+            }
+            Movement::InBothHalves => {
+                let unit = match config.conditioning.magnitude.is_squared() {
+                    true => "counts squared",
+                    false => "counts",
+                };
+                format!(
+                    "the hand moved in both halves of the time in which it was calibrated, or was touched: its contact threshold, \
+                     {threshold:.0} {unit}, is of that movement, and lighter touches are missed"
+                )
+            }
+        };
+        remark!(
+            "taxel: {}: {what}; begin with a hand that is still, or measure for less time with --calibration-ms",
+            self.input.name()
+        );
     }
 
     /// Magnitudes have been through sweep assembly and conditioning, whatever these were.

@@ -226,6 +226,37 @@ fn the_threshold_of_counts_is_named_and_a_hand_that_moves_while_it_is_measured()
             "{out}"
         );
     }
+    // Both halves of the time, or of a part of the taxels.
+    for (file, taxels, told) in [
+        (
+            "both.npy",
+            16,
+            "both.npy: the hand moved in both halves of the time in which it was calibrated",
+        ),
+        (
+            "few.npy",
+            7,
+            "few.npy: 7 taxels moved while the hand was calibrated",
+        ),
+    ] {
+        let counts = Array3::from_shape_fn((120, 16, 3), |(t, n, axis)| {
+            let moved = if n < taxels { 3 * t.clamp(20, 70) } else { 0 };
+            (20_000 + (7 * t + 5 * n + 3 * axis) % 4 + moved) as u16
+        });
+        ndarray_npy::write_npy(dir.path().join(file), &counts).unwrap();
+        let args = [
+            "compress", file, "--layout", "grid:4x4", "--rate", "60", "--out", "o.npz", "--json",
+        ];
+        let (out, err) = succeeds(&dir, &args);
+        assert!(err.contains(told) && err.contains("--calibration-ms"), "{err}");
+        let object: Value = serde_json::from_str(&out).unwrap();
+        assert_eq!(object["moved"], json!(true), "{out}");
+        let of_movement = format!(
+            ", {:.0} counts, is of that movement",
+            object["threshold"].as_f64().unwrap()
+        );
+        assert_eq!(err.contains(&of_movement), taxels == 16, "{err}");
+    }
     // It moves from 0.83 s on.
     let briefly = [
         "compress",

@@ -11,7 +11,7 @@ mod telling;
 use crate::{BusView, Crowd, HandSetup, HandView, JointsView, Kind, News, NotReloaded, Problems};
 use taxel_can::{LinkState, SourceAddress};
 use taxel_joints::JointsConfig;
-use taxel_skin::{BoardState, BoardStatus, Finding, Layout};
+use taxel_skin::{BoardState, BoardStatus, Finding, Layout, Movement};
 
 const MS: u64 = 1_000_000;
 
@@ -22,7 +22,7 @@ struct Known {
     buses: Vec<BusView>,
     boards: Vec<BoardStatus>,
     findings: Vec<Finding>,
-    moved: bool,
+    moved: Movement,
     unchanging: Vec<bool>,
     reload_refused: Option<NotReloaded>,
     sockets_lost: Option<&'static str>,
@@ -61,7 +61,7 @@ impl Bench {
                 buses: vec![up; layout.buses.len()],
                 boards: vec![living; layout.modules.len()],
                 findings: Vec::new(),
-                moved: false,
+                moved: Movement::None,
                 unchanging: vec![false; layout.len()],
                 reload_refused: None,
                 sockets_lost: None,

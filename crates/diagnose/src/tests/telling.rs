@@ -145,7 +145,7 @@ fn what_comes_and_goes_fast_is_told_six_times_a_minute_at_most_behind_the_first_
 #[test]
 fn a_hand_that_moved_while_its_baseline_was_measured_is_told_until_that_is_done_anew() {
     let mut bench = Bench::new();
-    bench.pass(3000, |s| s.moved = true);
+    bench.pass(3000, |s| s.moved = Movement::InOneHalf);
     assert_eq!(bench.kinds(), ["baseline-moved"]);
     let [said] = &bench.said[..] else {
         panic!("{:?}", bench.said);
@@ -154,6 +154,26 @@ fn a_hand_that_moved_while_its_baseline_was_measured_is_told_until_that_is_done_
         sentence(said).contains("; `taxel rezero` when nothing touches the hand"),
         "{said:?}"
     );
-    bench.pass(20_000, |s| s.moved = false);
+    bench.pass(20_000, |s| s.moved = Movement::None);
     assert_eq!((bench.kinds(), bench.said.len()), (vec![], 2), "{:?}", bench.said);
+}
+
+#[test]
+fn what_moved_while_the_baseline_was_measured_is_told_by_what_follows_from_it() {
+    for (moved, told) in [
+        (Movement::Taxels(1), "a taxel moved, or was touched, "),
+        (Movement::Taxels(7), "7 taxels moved, or were touched, "),
+        (Movement::InOneHalf, "it rests as in the quieter half"),
+        (
+            Movement::InBothHalves,
+            "the contact threshold is of that movement",
+        ),
+    ] {
+        let mut bench = Bench::new();
+        bench.pass(3000, |s| s.moved = moved);
+        let [said] = &bench.said[..] else {
+            panic!("{moved:?}: {:?}", bench.said);
+        };
+        assert!(sentence(said).contains(told), "{said:?}");
+    }
 }

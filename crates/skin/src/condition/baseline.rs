@@ -20,6 +20,20 @@ const TOUCH_SAMPLES: usize = 8;
 /// Samples vary more slowly than noise where their variance is more than this many times the one from sample to sample
 /// (von Neumann's ratio): about once in noise, however strong it is, 3 to 60 times in recorded hands that move.
 const SLOW_VARIANCES: f64 = 3.0;
+/// ... and wander where it is more than this many times as much: in noise it is so of no taxel, filtered though it be.
+const WANDER_VARIANCES: f64 = 12.0;
+/// ... and their spread is more than this, counts: what wanders less moves no threshold far.
+const WANDER_COUNTS: f64 = 20.0;
+/// Noise is looked for in parts of a half of the window that have so many samples at least,
+const NOISE_SAMPLES: usize = 10;
+/// ... in at most so many of them.
+const NOISE_PARTS: usize = 4;
+/// A part is noisier than the window where its variance from sample to sample is more than this many times as much
+const NOISIER_VARIANCES: f64 = 2.0;
+/// ... and it goes more than this many times as far.
+const NOISIER_PEAKS: f64 = 1.25;
+/// ... about the level of the window, if its mean is no further from it than this share of its spread: movement goes away.
+const NOISE_OFF_LEVEL: f64 = 0.6;
 
 /// What a taxel of eight bits goes up and down by, counts.
 const COARSE_STEP_COUNTS: u32 = 16;
@@ -39,6 +53,10 @@ pub(super) struct Half {
     pub(super) rest: Rest,
     /// Whether its samples vary more slowly than noise.
     pub(super) is_slow: bool,
+    /// Whether they do by far.
+    pub(super) wanders: bool,
+    /// How far it goes where it is noisier than the whole window; 0 where it is not.
+    pub(super) noise_peak: f64,
 }
 
 /// What a taxel's window says about it.
@@ -53,6 +71,11 @@ pub(super) struct TaxelIdle {
     pub(super) noise_counts: f64,
     /// Samples left out.
     pub(super) outliers: u32,
+    /// How far it goes where it is noisier than over the window, which takes such noise for outliers if it is there for half of
+    /// the time or less.
+    pub(super) noise_peak: f64,
+    /// Whether its samples vary far more slowly than noise, outliers left out.
+    pub(super) wanders: bool,
     /// Whether the level moved, as under a touch.
     pub(super) touched: bool,
     /// Whether no axis changed by one count.
@@ -169,7 +192,12 @@ impl Windows {
         };
         idle.outliers = samples.iter().filter(|s| !usual.keeps(s)).count() as u32;
         let variance = usual.successive_variance(samples);
-        idle.noise_counts = variance.iter().sum::<f64>().sqrt();
+        let noise = variance.iter().sum::<f64>();
+        idle.noise_counts = noise.sqrt();
+        idle.wanders = wanders(
+            usual.variance(samples, usual.rest(samples, None, mode).baseline),
+            noise,
+        );
         idle.touched = kept >= TOUCH_SAMPLES
             && (0..3).any(|a| {
                 let shift = level_shift(samples, a, &mut self.scratch);
@@ -177,15 +205,32 @@ impl Windows {
             });
         if kept >= 2 * TOUCH_SAMPLES {
             let (first, last) = samples.split_at(kept / 2);
-            idle.halves = Some([first, last].map(|half| {
+            let over = (noise, idle.rest);
+            let halves = [first, last].map(|half| {
                 let usual = Usual::of(half, steps, outlier_sigmas, &mut self.scratch);
                 let rest = usual.rest(half, baseline, mode);
                 let noise: f64 = usual.successive_variance(half).iter().sum();
+                let variance = usual.variance(half, rest.baseline);
+                let parts = (half.len() / NOISE_SAMPLES).min(NOISE_PARTS);
+                let parts = (0..parts).map(|p| &half[p * half.len() / parts..(p + 1) * half.len() / parts]);
                 Half {
                     rest,
-                    is_slow: usual.variance(half, rest.baseline) > SLOW_VARIANCES * noise,
+                    is_slow: variance > SLOW_VARIANCES * noise,
+                    wanders: wanders(variance, noise),
+                    noise_peak: parts
+                        .map(|part| {
+                            let usual = Usual::of(part, steps, outlier_sigmas, &mut self.scratch);
+                            usual.peak_where_noisier(part, over, mode)
+                        })
+                        .fold(0.0, f64::max),
                 }
-            }));
+            });
+            // Under a touch, what presses trembles.
+            idle.noise_peak = match idle.touched {
+                true => 0.0,
+                false => halves.iter().map(|half| half.noise_peak).fold(0.0, f64::max),
+            };
+            idle.halves = Some(halves);
         }
         Some(idle)
     }
@@ -245,6 +290,23 @@ impl Usual {
         squares / f64::from(used.max(1))
     }
 
+    /// How far the samples go from their mean, outliers left out, where they are noisier than those `over` the window, of
+    /// which it has the variance from sample to sample and the rest, about the same level; 0 where they are not.
+    fn peak_where_noisier(&self, samples: &[[i32; 3]], over: (f64, Rest), mode: MagnitudeMode) -> f64 {
+        let noise: f64 = self.successive_variance(samples).iter().sum();
+        let rest = self.rest(samples, None, mode);
+        let is_noisier = noise > NOISIER_VARIANCES * over.0 && rest.peak > NOISIER_PEAKS * over.1.peak;
+        let variance = self.variance(samples, rest.baseline);
+        let off: f64 = (0..3)
+            .map(|a| (rest.baseline[a] - over.1.baseline[a]).powi(2))
+            .sum();
+        let stays = off <= NOISE_OFF_LEVEL * NOISE_OFF_LEVEL * variance && variance <= SLOW_VARIANCES * noise;
+        match is_noisier && stays {
+            true => rest.peak,
+            false => 0.0,
+        }
+    }
+
     /// The rest of samples, outliers left out.
     fn rest(&self, samples: &[[i32; 3]], baseline: Option<[f64; 3]>, mode: MagnitudeMode) -> Rest {
         let kept = || samples.iter().filter(|s| self.keeps(s));
@@ -266,6 +328,11 @@ impl Usual {
             peak: kept().map(|s| mode.of(*s, from)).fold(0.0, f64::max),
         }
     }
+}
+
+/// Whether samples of this variance, and of so much from one to the next, vary far more slowly than noise.
+fn wanders(variance: f64, noise: f64) -> bool {
+    variance > WANDER_COUNTS * WANDER_COUNTS && variance > WANDER_VARIANCES * noise
 }
 
 /// Largest difference between the medians of the window's four quarters on one axis.

@@ -43,6 +43,8 @@ pub(super) struct Calibration {
     pub(super) idle: Vec<TaxelIdle>,
     pub(super) scratch: Vec<f64>,
     paper_faulty: Vec<bool>,
+    /// Whether the hand rests as in one half of the window.
+    pub(super) rests_in_half: bool,
     /// How often a taxel of the hand changes at rest, per nanosecond: the median.
     changes_per_ns: f64,
     /// Taxels without a baseline after the last calibration; they find their own when they speak.
@@ -66,6 +68,7 @@ impl Calibration {
             idle: vec![TaxelIdle::default(); taxels],
             scratch: Vec::with_capacity(taxels),
             paper_faulty: vec![false; taxels],
+            rests_in_half: false,
             changes_per_ns: 0.0,
             late: 0,
             next_late: 0,
@@ -310,7 +313,8 @@ impl Conditioner {
         }
         if self.config.threshold == ThresholdSource::Window && self.config.baseline == BaselineSource::Window
         {
-            self.rest_in_the_quieter_half();
+            self.judge_movement();
+            self.take_noise_of_parts();
         }
         if self.config.threshold == ThresholdSource::FirstPair {
             let pair = &self.calibration.pair;

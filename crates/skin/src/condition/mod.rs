@@ -30,6 +30,7 @@ pub use config::{
     BaselineSource, ConditionConfig, ConditionError, ConditionSettings, FaultRule, Preset, ThresholdSource,
 };
 pub use magnitude::MagnitudeMode;
+pub use moved::Movement;
 pub use report::{CalibrationReport, ConditionCounters};
 
 use crate::layout::Layout;

@@ -6,29 +6,82 @@
 
 use super::Conditioner;
 
+/// What moved while a hand was calibrated, or was touched, so that it is in doubt where it rests. What is left out as a short
+/// touch is none of it.
+#[derive(Debug, Default, Clone, Copy, PartialEq, Eq, PartialOrd, Ord)]
+pub enum Movement {
+    /// Nothing.
+    #[default]
+    None,
+    /// So many taxels, no more than half of those that can be used. One that was still in half of the window rests as there.
+    Taxels(u32),
+    /// Most of the hand in one half of the window: all of it rests as in the other.
+    InOneHalf,
+    /// Most of the hand in both: the contact threshold is of the movement.
+    InBothHalves,
+}
+
 /// A taxel that moves in a half of the window goes more than this many times as far from its mean as in the other.
 const MOVED_PEAKS: f64 = 2.0;
 /// ... which is not taken to be less than this, counts: 2.5 times it are the least threshold.
 const LEAST_PEAK_COUNTS: u32 = 4;
 
 impl Conditioner {
-    /// Where most taxels move in one half of the window, takes the rest of all from the other.
-    pub(super) fn rest_in_the_quieter_half(&mut self) {
+    /// Finds what moved in the window. Where most taxels moved in one half of it, takes the rest of all from the other; where
+    /// a few did, only where these are.
+    pub(super) fn judge_movement(&mut self) {
         let taxels = self.baseline.len();
         let used = |n: &usize| self.taxels[*n].has_baseline && self.taxels[*n].standing.is_empty();
         let used = || (0..taxels).filter(used);
-        let most_move = |half: &usize| 2 * used().filter(|n| self.moves(*n, *half)).count() > used().count();
-        let Some(moved) = (0..2).find(most_move) else {
-            return;
+        let are_most = |count: usize| 2 * count > used().count();
+        let moved = (0..2).find(|half| are_most(used().filter(|n| self.moves(*n, *half)).count()));
+        let wander = |n: &usize| {
+            let idle = &self.calibration.idle[*n];
+            match moved.zip(idle.halves) {
+                Some((moved, halves)) => halves[1 - moved].wanders,
+                None => idle.wanders,
+            }
         };
-        self.calibration.report.moved = true;
-        for n in 0..taxels {
+        let wandering = used().filter(wander).count();
+        let movement = match moved {
+            _ if are_most(wandering) => Movement::InBothHalves,
+            Some(_) => Movement::InOneHalf,
+            None if wandering > 0 => Movement::Taxels(wandering as u32),
+            None => Movement::None,
+        };
+        self.calibration.report.moved = movement;
+        self.calibration.rests_in_half = moved.is_some();
+        match (moved, movement) {
+            (Some(moved), _) => self.rest_in_the_other_half(moved),
+            (None, Movement::Taxels(_)) => self.few_rest_in_the_quieter_half(),
+            _ => {}
+        }
+    }
+
+    /// All taxels rest as in the half in which the hand did not move.
+    fn rest_in_the_other_half(&mut self, moved: usize) {
+        for n in 0..self.baseline.len() {
             let halves = self.calibration.idle[n].halves;
             if let Some(halves) = halves.filter(|_| self.taxels[n].has_baseline) {
                 self.touched[n] |= self.moves(n, moved);
-                let still = halves[1 - moved].rest;
-                self.take_baseline(n, still.baseline);
-                self.calibration.idle[n].rest = still;
+                let still = halves[1 - moved];
+                self.take_baseline(n, still.rest.baseline);
+                self.calibration.idle[n].rest = still.rest;
+                let noise_peak = &mut self.calibration.idle[n].noise_peak;
+                *noise_peak = noise_peak.min(still.noise_peak);
+            }
+        }
+    }
+
+    /// A taxel that wanders, but in one half of the window only, rests where it does in the other. What counts of it for the
+    /// threshold stays that of the whole window: with that of the half, a few taxels that vibrate would be in contact.
+    fn few_rest_in_the_quieter_half(&mut self) {
+        for n in 0..self.baseline.len() {
+            let idle = &self.calibration.idle[n];
+            let moved = (0..2).find(|half| idle.wanders && self.moves(n, *half));
+            let still = moved.zip(idle.halves).map(|(moved, halves)| halves[1 - moved]);
+            if let Some(still) = still.filter(|still| self.taxels[n].has_baseline && !still.wanders) {
+                self.take_baseline(n, still.rest.baseline);
             }
         }
     }

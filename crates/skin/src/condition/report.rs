@@ -1,5 +1,6 @@
 //! What a calibration found, and what conditioning has counted since the start.
 
+use super::moved::Movement;
 use taxel_hand::{Fault, Faults};
 
 /// What a calibration window found, kept for status until the next one ends.
@@ -14,8 +15,8 @@ pub struct CalibrationReport {
     /// Taxels whose level moved during the window, as under a touch: their baseline is doubtful;
     /// re-zero untouched.
     pub touched: u32,
-    /// Whether the hand moved during the window: baseline and threshold are those of its quieter half.
-    pub moved: bool,
+    /// What moved during the window, so that baseline or threshold are in doubt.
+    pub moved: Movement,
     /// Taxels without a baseline, which will find their own once they speak.
     pub without_baseline: u32,
     /// Faulty taxels.

@@ -9,8 +9,24 @@ const AXES: f64 = 1.75;
 /// Least threshold of a hand with taxels of eight bits: two steps of 16 counts, as the iCub's own
 /// skinManager has it (docs/protocols.md, "iCub conditioning").
 const COARSE_LEAST_COUNTS: f64 = 32.0;
+/// Where more than one of so many taxels is noisier in a part of the window, noise has begun, or ended; by chance it is one of
+/// thirty, and in such noise one of two at least where it matters.
+const NOISIER_ONE_OF: usize = 4;
 
 impl Conditioner {
+    /// Noise that begins within the window counts by how far it goes there.
+    pub(super) fn take_noise_of_parts(&mut self) {
+        let idle = &mut self.calibration.idle;
+        let used = |n: &usize| self.taxels[*n].has_baseline && !idle[*n].constant;
+        let used = || (0..self.taxels.len()).filter(used);
+        let noisier = used().filter(|n| idle[*n].noise_peak > 0.0).count();
+        if NOISIER_ONE_OF * noisier > used().count() {
+            for idle in idle {
+                idle.rest.peak = idle.rest.peak.max(idle.noise_peak);
+            }
+        }
+    }
+
     /// `theta` of eq. (2): the largest idle magnitude among taxels that are neither faulty nor
     /// touched, nor far beyond the rest, times the margin.
     pub(super) fn hand_threshold(&mut self) -> f64 {
@@ -23,8 +39,8 @@ impl Conditioner {
         };
         let peak = |n: usize| idle[n].rest.peak;
         let all = (0..self.baseline.len()).filter(healthy);
-        let moved = self.calibration.report.moved;
-        if window && !moved && all.clone().any(|n| !self.touched[n]) {
+        let rests_in_half = self.calibration.rests_in_half;
+        if window && !rests_in_half && all.clone().any(|n| !self.touched[n]) {
             peaks.extend(all.filter(|n| !self.touched[*n]).map(peak));
         } else {
             peaks.extend(all.map(peak));

@@ -5,7 +5,7 @@ use super::*;
 use taxel_diagnose::{HandSetup, HandView, Problems};
 use taxel_hand::Fault;
 use taxel_skin::{BoardKind, BusTraffic, Firmware};
-use taxel_skin::{BoardState, BoardsMode, FoundBoard};
+use taxel_skin::{BoardState, BoardsMode, FoundBoard, Movement};
 
 fn layout() -> Layout {
     Layout::builtin("allegro-uskin-15").unwrap()
@@ -77,7 +77,7 @@ fn judged(facts: &HandFacts) -> Vec<NotedProblem> {
         buses: &buses,
         boards: &facts.boards,
         findings: &facts.findings,
-        moved: false,
+        moved: Movement::None,
         unchanging: &vec![false; layout.len()],
         joints: None,
         boards_due: true,

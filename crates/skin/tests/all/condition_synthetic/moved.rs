@@ -1,7 +1,7 @@
 //! Hands that move in a part of the window that they are calibrated in.
 
 use super::skin::Skin;
-use taxel_skin::ConditionConfig;
+use taxel_skin::{ConditionConfig, Movement};
 
 const RATE_HZ: u64 = 60;
 const TAXELS: usize = 16;
@@ -44,6 +44,84 @@ fn check_rest(hand: &mut Skin, case: &str) {
     feels_nothing(hand, case);
 }
 
+fn moved(hand: &Skin) -> Movement {
+    hand.conditioner.report().unwrap().moved
+}
+
+/// Normally distributed, with a mean of 0 and a variance of 1.
+struct Normal {
+    seed: u64,
+}
+
+impl Normal {
+    fn next(&mut self) -> f64 {
+        let mut uniform = || {
+            self.seed = self
+                .seed
+                .wrapping_mul(6_364_136_223_846_793_005)
+                .wrapping_add(1_442_695_040_888_963_407);
+            ((self.seed >> 33) as f64 + 0.5) / (1u64 << 31) as f64
+        };
+        let (length, turn) = ((-2.0 * uniform().ln()).sqrt(), uniform());
+        length * (std::f64::consts::TAU * turn).cos()
+    }
+}
+
+/// A hand with normally distributed noise, which is so many counts on an axis of a taxel at a time, and keeps the share
+/// `inertia` of itself from sample to sample. It has been calibrated.
+struct NoisyHand<S: Fn(usize, f64) -> f64> {
+    hand: Skin,
+    sigma: S,
+    inertia: f64,
+    normal: Normal,
+    noise: Vec<[f64; 3]>,
+    t: f64,
+}
+
+impl<S: Fn(usize, f64) -> f64> NoisyHand<S> {
+    fn calibrated(rate_hz: u64, inertia: f64, sigma: S) -> Self {
+        let mut noisy = Self {
+            hand: Skin::new(TAXELS, rate_hz, ConditionConfig::robust()),
+            sigma,
+            inertia,
+            normal: Normal { seed: 11 },
+            noise: vec![[0.0; 3]; TAXELS],
+            t: 0.0,
+        };
+        noisy.hand.noise.fill([0; 3]);
+        while noisy.hand.conditioner.is_calibrating() {
+            noisy.step();
+        }
+        noisy
+    }
+
+    fn step(&mut self) {
+        for (n, noise) in self.noise.iter_mut().enumerate() {
+            let fresh = (self.sigma)(n, self.t) * (1.0 - self.inertia * self.inertia).sqrt();
+            *noise = noise.map(|noise| self.inertia * noise + fresh * self.normal.next());
+        }
+        let noise = &self.noise;
+        self.hand.step_with(|frame| {
+            for (counts, noise) in frame.counts.iter_mut().zip(noise) {
+                for (count, noise) in counts.iter_mut().zip(noise) {
+                    *count = (f64::from(*count) + noise).round() as u16;
+                }
+            }
+        });
+        self.t += self.hand.interval_ns as f64 * 1e-9;
+    }
+
+    /// Which share of so many frames has contacts.
+    fn share_in_contact(&mut self, frames: u32) -> f64 {
+        let mut with = 0;
+        for _ in 0..frames {
+            self.step();
+            with += u32::from(self.hand.out.contacts() > 0);
+        }
+        f64::from(with) / f64::from(frames)
+    }
+}
+
 fn feels_nothing(hand: &mut Skin, case: &str) {
     for _ in 0..60 {
         hand.step_with(|_| {});
@@ -54,7 +132,7 @@ fn feels_nothing(hand: &mut Skin, case: &str) {
 #[test]
 fn a_hand_that_begins_to_move_while_it_is_calibrated_rests_as_before() {
     let still = calibrated(|_, _| 0.0);
-    assert!(!still.conditioner.report().unwrap().moved);
+    assert_eq!(moved(&still), Movement::None);
     // It moves at the end, or until it comes to rest.
     for case in ["at the end", "at the beginning"] {
         let mut hand = calibrated(|n, t| match case {
@@ -62,7 +140,10 @@ fn a_hand_that_begins_to_move_while_it_is_calibrated_rests_as_before() {
             _ => ramp(n, 0.45 - t, 0.0),
         });
         let report = hand.conditioner.report().unwrap();
-        assert!(report.moved && report.is_touched(), "{case}");
+        assert!(
+            report.moved == Movement::InOneHalf && report.is_touched(),
+            "{case}"
+        );
         assert!(
             report.threshold < 1.4 * still.conditioner.threshold(),
             "{case}: {report:?}"
@@ -82,7 +163,7 @@ fn a_hand_that_moves_for_more_than_half_of_the_time_it_is_calibrated_in_rests_as
             "at the end" => 10.0 * ramp(n, t, 0.55),
             _ => 10.0 * ramp(n, 0.95 - t, 0.0),
         });
-        assert!(hand.conditioner.report().unwrap().moved, "{case}");
+        assert_eq!(moved(&hand), Movement::InOneHalf, "{case}");
         // A jump back of hundreds of counts is held until the next sample confirms it.
         hand.step_with(|_| {});
         feels_nothing(&mut hand, case);
@@ -99,7 +180,7 @@ fn noise_that_begins_or_ends_while_a_hand_is_calibrated_is_no_movement() {
             let case = format!("noise of {before} counts, and of {from_then_on} from {at_s} s on");
             let noise = |t: f64| if t < at_s { before } else { from_then_on };
             let mut hand = calibrated_with(|t| [noise(t); 3], |_, _| 0.0);
-            assert!(!hand.conditioner.report().unwrap().moved, "{case}");
+            assert_eq!(moved(&hand), Movement::None, "{case}");
             feels_nothing(&mut hand, &case);
         }
     }
@@ -123,7 +204,7 @@ fn what_a_clean_touch_changes_while_it_is_calibrated_is_left_out() {
             true => by,
             false => 0.0,
         });
-        assert!(!hand.conditioner.report().unwrap().moved, "{case}");
+        assert_eq!(moved(&hand), Movement::None, "{case}");
         check_rest(&mut hand, &case);
     }
 }
@@ -149,7 +230,7 @@ fn a_light_touch_for_half_the_time_puts_no_untouched_hand_in_contact() {
 fn a_hand_that_sways_all_the_time_while_it_is_calibrated_feels_nothing_when_it_sways_on() {
     let sway = |t: f64| 30.0 * (12.0 * t).sin();
     let mut hand = calibrated(|_, t| sway(t));
-    assert!(!hand.conditioner.report().unwrap().moved);
+    assert_eq!(moved(&hand), Movement::InBothHalves);
     let rest = hand.truth.clone();
     for i in 0..120 {
         let t = f64::from(i) / RATE_HZ as f64;
@@ -158,5 +239,97 @@ fn a_hand_that_sways_all_the_time_while_it_is_calibrated_feels_nothing_when_it_s
         }
         hand.step_with(|_| {});
         assert_eq!(hand.out.contacts(), 0);
+    }
+}
+
+#[test]
+fn a_hand_that_moves_in_both_halves_of_the_time_it_is_calibrated_in_is_said_to() {
+    // From when to when it moves by 300 counts, and whether it goes back.
+    for (begin_s, end_s, back) in [
+        (0.45, 1.05, false),
+        (0.4, 1.1, true),
+        (0.0, 1.5, false),
+        (0.0, 6.0, false),
+    ] {
+        let mut hand = calibrated(|_, t| {
+            let part = ((t - begin_s) / (end_s - begin_s)).clamp(0.0, 1.0);
+            300.0
+                * if back {
+                    1.0 - (2.0 * part - 1.0).abs()
+                } else {
+                    part
+                }
+        });
+        let report = hand.conditioner.report().unwrap();
+        assert_eq!(report.moved, Movement::InBothHalves, "{begin_s} to {end_s} s");
+        // Measured again while it is still, it is said no longer.
+        hand.conditioner.rezero();
+        hand.calibrate();
+        assert_eq!(moved(&hand), Movement::None, "{begin_s} to {end_s} s");
+    }
+}
+
+#[test]
+fn a_hand_that_keeps_still_is_not_said_to_move_however_noisy_it_is() {
+    for rate_hz in [15, 30, 100, 200] {
+        for sigma in [0.3, 2.0, 20.0, 60.0] {
+            for inertia in [0.0, 0.5, 0.8] {
+                let case = format!("{rate_hz} Hz, noise of {sigma}, of which {inertia} stays");
+                let noisy = NoisyHand::calibrated(rate_hz, inertia, |_, _| sigma);
+                assert_eq!(moved(&noisy.hand), Movement::None, "{case}");
+            }
+        }
+    }
+}
+
+#[test]
+fn a_few_taxels_that_move_are_counted_and_rest_as_in_their_quieter_half() {
+    // A finger that comes in the second half and stays, or is soon gone in it.
+    for case in ["comes", "leaves"] {
+        let hand = calibrated(|n, t| match case {
+            _ if n >= 7 => 0.0,
+            "comes" => 300.0 * ((t - 0.8) / 0.5).clamp(0.0, 1.0),
+            _ => 300.0 * ((0.95 - t) / 0.8).clamp(0.0, 1.0),
+        });
+        assert_eq!(moved(&hand), Movement::Taxels(7), "{case}");
+        let still = calibrated(|_, _| 0.0).conditioner.threshold();
+        assert!(hand.conditioner.threshold() < 1.4 * still, "{case}");
+        let mut hand = hand;
+        // The jump back is held until the next sample confirms it.
+        hand.step_with(|_| {});
+        check_rest(&mut hand, case);
+    }
+    // One that comes and leaves.
+    let hand = calibrated(|n, t| match n < 7 {
+        true => 300.0 * ((t - 0.3) / 0.4).min((1.2 - t) / 0.5).clamp(0.0, 1.0),
+        false => 0.0,
+    });
+    assert_eq!(moved(&hand), Movement::Taxels(7));
+}
+
+#[test]
+fn a_light_touch_of_a_few_taxels_that_holds_still_moves_no_rest() {
+    // It lies on them for about half of the time, and after it: in either half the level is one.
+    for (begin_s, end_s) in [(0.8, 1.6), (0.0, 0.7)] {
+        let touch = |n: usize, t: f64| n < 4 && (begin_s..end_s).contains(&t);
+        let hand = calibrated(|n, t| if touch(n, t) { 60.0 } else { 0.0 });
+        let baseline = hand.conditioner.baseline();
+        let off = |n: usize| (baseline[n][2] - f64::from(hand.truth[n][2])).abs();
+        assert!((0..4).all(|n| off(n) < 40.0), "{:?}", baseline);
+        assert!((4..TAXELS).all(|n| off(n) < 5.0), "{:?}", baseline);
+    }
+}
+
+#[test]
+fn contact_is_above_normal_noise_that_begins_while_a_hand_is_calibrated() {
+    for rate_hz in [30, 100, 400] {
+        for at_s in [0.3, 0.5, 0.65, 0.75, 0.9, 1.1, 1.25] {
+            let case = format!("from {at_s} s on at {rate_hz} Hz");
+            let sigma = |_: usize, t: f64| if t < at_s { 2.0 } else { 20.0 };
+            let mut noisy = NoisyHand::calibrated(rate_hz, 0.0, sigma);
+            assert_eq!(moved(&noisy.hand), Movement::None, "{case}");
+            let share = noisy.share_in_contact(1_000);
+            assert!(share < 0.02, "{case}: {share} of the frames with contacts");
+        }
     }
 }
