@@ -10,6 +10,9 @@ use taxel_joints::{BusSurvey, DynamixelConfig};
 const CYCLE_BYTES: usize = 12;
 /// Most that `answer_margin_ms` may be.
 const MOST_MARGIN_MS: f64 = 500.0;
+/// Most that `watchdog_ms` may be, and its steps.
+const MOST_WATCHDOG_MS: u16 = 2540;
+const WATCHDOG_STEP_MS: usize = 20;
 
 /// Whether the daemon waits long enough for the servos' answers; nothing where none of them answered a read. One answer that
 /// comes late is that of a busy machine.
@@ -29,7 +32,6 @@ pub(super) fn answers(config: &DynamixelConfig, port: &str, survey: &BusSurvey) 
         let found = format!("the slowest came {slowest_ms:.1} ms after its time on the wire");
         return Some(Check::ok(AREA, "answer time", port, found));
     }
-    let enough_ms = (2.0 * slowest_ms).ceil().min(MOST_MARGIN_MS);
     Some(
         Check::error(
             AREA,
@@ -42,10 +44,39 @@ pub(super) fn answers(config: &DynamixelConfig, port: &str, survey: &BusSurvey) 
             ),
         )
         .wanted(format!("at most {margin_ms} ms"))
-        .advise(format!(
-            "write answer_margin_ms = {enough_ms:.1} into [joints]; or look for what delays them: a USB hub, or a slow adapter"
-        )),
+        .advise(more_time(config, slowest_ms)),
     )
+}
+
+/// What gives answers that come so late the time that they take, where anything may.
+fn more_time(config: &DynamixelConfig, slowest_ms: f64) -> String {
+    let delays = "look for what delays them: a USB hub, or a slow adapter";
+    if slowest_ms >= MOST_MARGIN_MS {
+        return format!("no answer_margin_ms is long enough, {MOST_MARGIN_MS} is the most; {delays}");
+    }
+    let margin_ms = (2.0 * slowest_ms).ceil().min(MOST_MARGIN_MS);
+    let is_taken = |watchdog_ms: &u16| {
+        let with_both = DynamixelConfig {
+            watchdog_ms: *watchdog_ms,
+            answer_margin_ms: Some(margin_ms),
+            ..config.clone()
+        };
+        with_both.check().is_ok()
+    };
+    let mut watchdogs_ms = (config.watchdog_ms..=MOST_WATCHDOG_MS).step_by(WATCHDOG_STEP_MS);
+    match watchdogs_ms.find(is_taken) {
+        Some(ms) if ms == config.watchdog_ms => {
+            format!("write answer_margin_ms = {margin_ms:.1} into [joints]; or {delays}")
+        }
+        Some(ms) => format!(
+            "write answer_margin_ms = {margin_ms:.1} and watchdog_ms = {ms}, which is not to be shorter than that and a cycle, \
+             into [joints]; or {delays}"
+        ),
+        None => format!(
+            "answer_margin_ms = {margin_ms:.1} is enough where motors are only read: with allow_writes no watchdog_ms, of which \
+             {MOST_WATCHDOG_MS} is the most, is longer than that and a cycle; {delays}"
+        ),
+    }
 }
 
 /// Whether the servos can be read as often as the configuration wants.
@@ -122,10 +153,67 @@ mod tests {
             (60 * MS..=62 * MS, None, "answer_margin_ms = 124.0"),
             (60 * MS..=62 * MS, Some(50.0), "answer_margin_ms = 124.0"),
             (300 * MS..=310 * MS, None, "answer_margin_ms = 500.0"),
+            (
+                590 * MS..=600 * MS,
+                None,
+                "no answer_margin_ms is long enough, 500 is the most; look for what delays them",
+            ),
         ] {
             let (state, text) = told(Some(answer_ns), margin_ms, None);
             assert_eq!(state, State::Error, "{text}");
             assert!(text.contains("servos 2") && text.contains(advice), "{text}");
+        }
+    }
+
+    #[test]
+    fn the_margin_that_is_advised_is_one_that_the_configuration_takes() {
+        const MS: u64 = 1_000_000;
+        let of = |servos: u8, baud, rate_hz, watchdog_ms| DynamixelConfig {
+            allow_writes: true,
+            baud,
+            rate_hz,
+            watchdog_ms,
+            ..DynamixelConfig::new("p", 1..=servos)
+        };
+        let few = |watchdog_ms| of(2, 1_000_000, 100.0, watchdog_ms);
+        let slow = of(64, 9600, 1.0, 2540);
+        for (mut config, slowest_ms, margin, watchdog_ms, words) in [
+            (few(200), 30, Some(60.0), 200, "= 60.0 into [joints]; or"),
+            (few(60), 30, Some(60.0), 80, "= 60.0 and watchdog_ms = 80, which"),
+            (
+                few(200),
+                200,
+                Some(400.0),
+                420,
+                "= 400.0 and watchdog_ms = 420, which",
+            ),
+            (
+                of(2, 57_600, 100.0, 200),
+                310,
+                Some(500.0),
+                540,
+                "watchdog_ms = 540, which",
+            ),
+            (
+                slow,
+                310,
+                None,
+                2540,
+                "with allow_writes no watchdog_ms, of which 2540",
+            ),
+        ] {
+            assert!(config.check().is_ok(), "{config:?}");
+            let mut late = servo(2);
+            late.answer_ns = Some(slowest_ms * MS..=slowest_ms * MS);
+            let survey = BusSurvey {
+                servos: vec![servo(1), late],
+                damaged: 0,
+                latency: PortLatency::default(),
+            };
+            let text = answers(&config, "p", &survey).unwrap().mend_text();
+            assert!(text.contains(words), "{text}");
+            (config.answer_margin_ms, config.watchdog_ms) = (margin, watchdog_ms);
+            assert!(config.check().is_ok(), "{text}");
         }
     }
 
