@@ -4,7 +4,7 @@ use crate::errors::wrong_use;
 use crate::offered::offering;
 use crate::recordings::frame_output::{FrameFormat, FrameOutput};
 use crate::recordings::input::Input;
-use crate::recordings::offline::OfflineArgs;
+use crate::recordings::offline::{OfflineArgs, ends_within_calibration};
 use crate::recordings::out_of_use::OutOfUse;
 use anyhow::bail;
 use clap::builder::{PathBufValueParser, TypedValueParser};
@@ -288,11 +288,8 @@ impl Run {
         if images == 0 {
             remark!("taxel: no image: the recording ends before its first tick or sweep is complete");
         } else if calibrating == images {
-            remark!(
-                "taxel: every image is empty, since the recording ends within the calibration of {} ms; shorten it \
-                 with --calibration-ms",
-                config.conditioning.calibration_ms
-            );
+            let why = ends_within_calibration(&config.conditioning);
+            remark!("taxel: every image is empty, since {why}");
         } else if with_missing > 0 {
             let period_ms = config
                 .sweep

@@ -12,7 +12,7 @@ mod task;
 use crate::allocations::COUNTER;
 use crate::errors::wrong_use;
 use crate::piped_file;
-use crate::recordings::offline::{Held, OfflineArgs};
+use crate::recordings::offline::{Held, OfflineArgs, ends_within_calibration};
 use crate::recordings::out_of_use::OutOfUse;
 use crate::sim::recorded_scene_parser;
 use anyhow::{Context, bail};
@@ -311,7 +311,10 @@ fn preset_name(settings: &ConditionConfig) -> String {
 
 /// What to do where nothing is in contact.
 fn advice(sequence: &Sequence) -> String {
-    if sequence.conditioning.is_some() {
+    if let Some(conditioning) = &sequence.conditioning {
+        if sequence.force.iter().all(|frame| frame.calibrating) {
+            return ends_within_calibration(conditioning);
+        }
         return "the recording has to begin with the hand at rest, for its baseline, and be touched later"
             .into();
     }

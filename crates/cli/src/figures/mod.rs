@@ -157,8 +157,11 @@ impl Args {
             remark!("taxel: {name}: {sentence}");
         }
         if take.tightest().is_none() {
+            let why = take
+                .why_untouched()
+                .map_or_else(String::new, |why| format!("; {why}"));
             bail!(
-                "{}: nothing is in contact in any of its {} frames, so there is nothing to draw",
+                "{}: nothing is in contact in any of its {} frames, so there is nothing to draw{why}",
                 path.display(),
                 take.force.len()
             );

@@ -1,11 +1,11 @@
 //! One recording as figures need it: every frame, and which of them matter.
 
 use crate::recordings::input::Input;
-use crate::recordings::offline::OfflineArgs;
+use crate::recordings::offline::{OfflineArgs, ends_within_calibration};
 use anyhow::{Context, bail};
 use taxel_compress::Compressor;
 use taxel_hand::{ForceFrame, Method, Profile, TactileFrame, TactileImage, did_you_mean};
-use taxel_skin::Layout;
+use taxel_skin::{ConditionConfig, Layout};
 
 /// A contact that is away for no longer is the same contact, frames.
 const FLICKER: usize = 3;
@@ -25,6 +25,8 @@ pub(super) struct Take {
     /// The first baseline of each taxel, counts x, y, z; not a number where it never had one.
     pub(super) rest: Vec<[f32; 3]>,
     pub(super) force: Vec<ForceFrame>,
+    /// How counts are conditioned.
+    conditioning: ConditionConfig,
     /// When it begins, nanoseconds.
     begins_ns: u64,
 }
@@ -53,6 +55,7 @@ impl Take {
             tactile: Vec::new(),
             rest: vec![[f32::NAN; 3]; config.layout.len()],
             force: Vec::new(),
+            conditioning: config.conditioning.clone(),
             begins_ns: match &input {
                 Input::Frames(recording) => recording.t_ns(0),
                 Input::Log(_) | Input::Scene(_) => 0,
@@ -109,6 +112,12 @@ impl Take {
         touched
             .rev()
             .max_by(|a, b| self.total_force(*a).total_cmp(&self.total_force(*b)))
+    }
+
+    /// Why nothing is in contact, where that is known.
+    pub(super) fn why_untouched(&self) -> Option<String> {
+        let is_cut = !self.force.is_empty() && self.force.iter().all(|frame| frame.calibrating);
+        is_cut.then(|| ends_within_calibration(&self.conditioning))
     }
 
     /// The module whose first contact begins first, the one pressed hardest of several; one that only flickers where no
@@ -259,6 +268,7 @@ mod tests {
             tactile: Vec::new(),
             rest: Vec::new(),
             force: force.collect(),
+            conditioning: ConditionConfig::default(),
             begins_ns: 0,
         }
     }

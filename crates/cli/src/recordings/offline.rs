@@ -21,7 +21,7 @@ use taxel_playback::scene_input;
 use taxel_playback::traffic::Traffic;
 use taxel_record::Recording;
 use taxel_sim::{Scene, with_stand_in_boards};
-use taxel_skin::{Layout, Movement, Preset};
+use taxel_skin::{BaselineSource, ConditionConfig, Layout, Movement, Preset, ThresholdSource};
 use taxeld::Config;
 
 /// Forces that an option may name.
@@ -359,6 +359,16 @@ impl OfflineArgs {
         magnitudes::tell(recording, threshold, self.input.idles());
         run_magnitudes(recording, [threshold, release], emit)
     }
+}
+
+/// Why nothing is in contact in counts that are all of a hand that is still calibrated, and what helps.
+pub(crate) fn ends_within_calibration(conditioning: &ConditionConfig) -> String {
+    let sources = (conditioning.baseline, conditioning.threshold);
+    if sources == (BaselineSource::FirstFrame, ThresholdSource::FirstPair) {
+        return "the recording ends with the two frames that calibration takes".into();
+    }
+    let window_ms = conditioning.calibration_ms;
+    format!("the recording ends within the calibration of {window_ms} ms; shorten it with --calibration-ms")
 }
 
 /// What `--interface` calls the bus that joint angles come over.

@@ -1,7 +1,7 @@
 //! Counts of three axes, from whatever skin and in whatever file.
 
 use crate::{fails, succeeds};
-use ndarray::{Array1, Array3, Array4, Axis};
+use ndarray::{Array1, Array3, Array4, Axis, s};
 use ndarray_npy::{NpzReader, NpzWriter, write_npy};
 use std::fs::{File, read_to_string, write};
 use taxel_skin::Layout;
@@ -442,5 +442,39 @@ fn a_rate_takes_the_place_of_the_times_in_a_file_and_the_help_says_so() {
     assert!(
         help.contains("Frames per second, in place of the times in the file"),
         "{help}"
+    );
+}
+
+#[test]
+fn counts_that_end_while_the_hand_is_calibrated_are_told_so_by_whatever_looks_for_contact() {
+    let dir = TempDir::new().unwrap();
+    write_npz(&dir, "short.npz", &counts(), &times());
+    write_npz(
+        &dir,
+        "two.npz",
+        &counts().slice_move(s![..2, .., ..]),
+        &times().slice_move(s![..2]),
+    );
+    let ends = "the recording ends within the calibration of 1500 ms; shorten it with --calibration-ms";
+    for command in [
+        &["eval", "short.npz"][..],
+        &["figures", "short.npz", "--out", "figures"],
+    ] {
+        let args = [command, &["--layout", "grid:4x4", "--method", "optimal"]].concat();
+        let err = fails(&dir, &args, 1);
+        assert!(
+            err.contains("nothing is in contact in any of") && err.contains(ends),
+            "{err}"
+        );
+    }
+    let compress = ["compress", "short.npz", "--layout", "grid:4x4", "--out", "o.npz"];
+    let (_, err) = succeeds(&dir, &compress);
+    assert!(err.contains(ends), "{err}");
+    // What the publication takes are two frames, however long.
+    let paper = ["--layout", "grid:4x4", "--method", "paper"];
+    let err = fails(&dir, &[&["eval", "two.npz"][..], &paper].concat(), 1);
+    assert!(
+        err.contains("ends with the two frames that calibration takes"),
+        "{err}"
     );
 }
