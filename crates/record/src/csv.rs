@@ -77,7 +77,8 @@ pub(crate) fn read(path: &Path, options: &ReadOptions) -> Result<Table, RecordEr
             frames.take(record).map_err(|reason| {
                 let is_text = frames.is_behind_header() && reason.ends_with(NO_NUMBER);
                 // As in a preamble, which is taken for the header.
-                let is_other = frames.meaning.columns != Some(record.len()) || number(0, &record[0]).is_err();
+                let has_number = record.iter().any(|bytes| cell(bytes).is_ok_and(|cell| cell.parse::<f64>().is_ok()));
+                let is_other = frames.meaning.columns != Some(record.len()) || !has_number;
                 refuse(match (is_text, is_other) {
                     (true, true) => format!(
                         "{reason}; where the table begins further down, cut off what is before it (`tail -n +N`)"

@@ -382,7 +382,8 @@ fn counts_of_columns(
             let mut xyz = [0; 3];
             for (count, column) in xyz.iter_mut().zip(places) {
                 *count = count_of(row[column]).ok_or_else(|| {
-                    RecordError::unreadable(at, no_count(frame, taxels, is_flat, column, row[column]))
+                    let what = format!("frame {frame}, value {column} is {}", row[column]);
+                    RecordError::unreadable(at, no_count(&what, taxels, is_flat, row[column], values))
                 })?;
             }
             counts.push(Some(xyz));
@@ -391,8 +392,8 @@ fn counts_of_columns(
     Ok(counts)
 }
 
-/// Why a value cannot be a count.
-fn no_count(frame: usize, taxels: usize, is_flat: bool, column: usize, value: f64) -> String {
+/// Why a value, which is `what`, cannot be a count: one of all these.
+fn no_count(what: &str, taxels: usize, is_flat: bool, value: f64, values: &[f64]) -> String {
     let because = match value.is_nan() {
         true => "; a taxel without a value has none on all three axes",
         false => "",
@@ -401,11 +402,38 @@ fn no_count(frame: usize, taxels: usize, is_flat: bool, column: usize, value: f6
         true => String::new(),
         false => format!("; magnitudes of {taxels} x 3 cells are told by --layout grid:{taxels}x3"),
     };
-    format!(
-        "frame {frame}, value {column} is {value}; a raw count is a whole number from 0 to 65535{because}. Of forces \
-         on three axes give the norms, numpy.linalg.norm(a, axis=-1); what is not 0 at rest, as magnetic fields, as whole \
-         numbers, numpy.round(10 * a) + 30000{or_else}"
-    )
+    let made = made_counts(values).map_or_else(String::new, |made| {
+        format!(
+            ". Of forces on three axes give the norms, numpy.linalg.norm(a, axis=-1); what is not 0 at rest, as magnetic \
+             fields, as whole numbers, {made}"
+        )
+    });
+    format!("{what}; a raw count is a whole number from 0 to 65535{because}{made}{or_else}")
+}
+
+/// What makes counts of these values, in Python; none where all are counts that are numbers at all.
+fn made_counts(values: &[f64]) -> Option<String> {
+    let finite = || values.iter().copied().filter(|value| value.is_finite());
+    if finite().all(|value| count_of(value).is_some()) {
+        return None;
+    }
+    let least = finite().fold(0.0, f64::min);
+    let greatest = finite().fold(0.0, f64::max);
+    let are_signed = f64::from(i16::MIN) <= least && greatest <= f64::from(i16::MAX);
+    if are_signed && finite().all(|value| value.fract() == 0.0) {
+        // In doubles: it does not fit into the 16 bits that they may stand in.
+        return Some("a.astype(float) + 32768".into());
+    }
+    let fits = |scale: f64| {
+        count_of((30_000.0 + scale * least).floor()).is_some() && 30_000.0 + scale * greatest < 65_535.0
+    };
+    let decimals = (-1..=308).find(|decimals| fits(10f64.powi(-decimals)))?;
+    let scaled = match decimals {
+        -1 => "10 * a".into(),
+        0 => "a".into(),
+        _ => format!("1e-{decimals} * a"),
+    };
+    Some(format!("numpy.round({scaled}) + 30000"))
 }
 
 fn count_of(value: f64) -> Option<u16> {

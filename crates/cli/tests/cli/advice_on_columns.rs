@@ -34,7 +34,8 @@ fn columns_of_a_table_that_are_no_taxels_are_told() {
     write(&format!("{}\n{}\n", names.join(","), numbers(48)));
     let err = fails(&dir, &compress(&[]), 1);
     assert!(
-        err.contains("has 16 taxels and") && err.contains("row by row: --layout grid:4x4"),
+        err.contains("has 16 taxels (\"txl1_x\" to \"txl16_z\") and")
+            && err.contains("row by row: --layout grid:4x4"),
         "{err}"
     );
     for (layout, is_told) in [("uskin-module", true), ("grid:4x4", false)] {
@@ -83,6 +84,13 @@ fn columns_of_a_table_that_are_no_taxels_are_told() {
     write("# mine\n0,1,2,3\n5,6,7,9\n");
     let (_, err) = succeeds(&dir, &compress(&["--layout", "grid:2x2"]));
     assert!(err.contains("cut it off (`tail -n +3`)"), "{err}");
+    // The sum of all forces is none.
+    write("fx1,fy1,fz1,fx2,fy2,fz2,gfx,gfy,gfz\n1,2,3,4,5,6,5,7,9\n");
+    let err = fails(&dir, &compress(&["--layout", "grid:1x2"]), 1);
+    assert!(
+        err.contains("has 3 taxels (\"fx1\" to \"gfz\") and layout grid:1x2 has 2"),
+        "{err}"
+    );
     write("fx,fy,fz\n1,2,3\n");
     let err = fails(&dir, &compress(&["--layout", "grid:1x3"]), 1);
     assert!(

@@ -36,8 +36,12 @@ pub(crate) fn recorded_taxels(
         return Ok((0..layout.len()).map(|taxel| taxel - first(taxel)).collect());
     }
     if layout.len() != taxels {
+        let columns = match recording.column_names() {
+            [first, .., last] => format!(" ({first:?} to {last:?})"),
+            _ => String::new(),
+        };
         bail!(
-            "{name} has {taxels} taxels and layout {} has {}; {}",
+            "{name} has {taxels} taxels{columns} and layout {} has {}; {}",
             layout.name,
             layout.len(),
             if recording.is_of_xela() {

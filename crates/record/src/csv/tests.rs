@@ -408,6 +408,14 @@ fn columns_that_are_no_taxels_are_left_out_and_told() {
             "t_s,a,label\n0,1,hand\n",
             ":2: column 3 is \"hand\", which is not a number; cut that column out",
         ),
+        (
+            "object,slipped,a\nmetal_pen_case,0,3\n",
+            ":2: column 1 is \"metal_pen_case\", which is not a number; cut that column out",
+        ),
+        (
+            "made by,me,in 2024\nt_s,a,b\n0,1,2\n",
+            "cut off what is before it (`tail -n +N`)",
+        ),
     ] {
         let message = read_text(text, &none).unwrap_err();
         assert!(message.contains(wanted), "{message}");

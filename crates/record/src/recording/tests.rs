@@ -251,3 +251,38 @@ fn times_that_run_backwards_or_do_not_fit_are_refused() {
         assert!(message.contains(wanted), "{message}");
     }
 }
+
+#[test]
+fn what_is_advised_for_values_that_are_no_counts_makes_counts_of_them() {
+    let nan = f64::NAN;
+    for (values, wanted) in [
+        (
+            &[-3.0, 0.5, 2.0][..],
+            Some("whole numbers, numpy.round(10 * a) + 30000"),
+        ),
+        (
+            &[-141.0, 203.0, 17.0],
+            Some("whole numbers, a.astype(float) + 32768"),
+        ),
+        (
+            &[-32768.0, 32767.0, nan],
+            Some("whole numbers, a.astype(float) + 32768"),
+        ),
+        (&[-3000.5, 3000.0, 0.0], Some("numpy.round(a) + 30000")),
+        (&[-1000.0, 3553.5, 0.0], Some("numpy.round(a) + 30000")),
+        (
+            &[-40_000.0, 300_000.0, 0.0],
+            Some("numpy.round(1e-1 * a) + 30000"),
+        ),
+        (&[-1e9, 1e12, 0.0], Some("numpy.round(1e-8 * a) + 30000")),
+        (&[f64::INFINITY, 0.5, 0.0], Some("numpy.round(10 * a) + 30000")),
+        // What is there are counts.
+        (&[31_000.0, nan, 31_000.0], None),
+    ] {
+        let message = message(table(&[1, 1, 3], values.into()), &ReadOptions::default());
+        match wanted {
+            Some(wanted) => assert!(message.contains(wanted), "{message}"),
+            None => assert!(!message.contains("numpy"), "{message}"),
+        }
+    }
+}
