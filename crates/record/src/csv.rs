@@ -249,6 +249,7 @@ impl Frames {
             columns: meaning.are_counts().then_some(Columns::XyzInterleaved),
             void: None,
             without_value: None,
+            is_half: false,
             unitless_time: meaning.unitless,
             names: ColumnNames {
                 may_be_line: self.names_line,

@@ -32,6 +32,7 @@ pub struct Recording {
     rate_hz: f64,
     unitless_time: Option<String>,
     names: Box<ColumnNames>,
+    counts_step: Option<u32>,
 }
 
 impl Recording {
@@ -48,6 +49,7 @@ impl Recording {
             without_value,
             unitless_time,
             names,
+            is_half,
         } = table;
         let Meaning {
             taxels,
@@ -91,6 +93,10 @@ impl Recording {
         let taxels = cells
             .as_ref()
             .map_or(taxels, |cells| cells.iter().filter(|cell| **cell).count());
+        let counts_step = match &frames {
+            Frames::Counts(counts) if is_half => half_step(counts),
+            _ => None,
+        };
         let len = shape[0];
         let times_ns = if options.rate_hz.is_some() { None } else { times_ns };
         if let Some(times) = &times_ns {
@@ -116,6 +122,7 @@ impl Recording {
             rate_hz,
             unitless_time: unitless_time.filter(|_| options.rate_hz.is_none()),
             names: Box::new(names),
+            counts_step,
         })
     }
 
@@ -153,6 +160,7 @@ impl Recording {
             rate_hz: DEFAULT_RATE_HZ,
             unitless_time: None,
             names: Box::default(),
+            counts_step: None,
         })
     }
 
@@ -227,6 +235,12 @@ impl Recording {
     /// columns without one.
     pub fn names_line(&self) -> Option<u64> {
         self.names.may_be_line
+    }
+
+    /// What the greatest of its counts go in steps of, where they stood in numbers that cannot tell each from the next: floats
+    /// of 16 bits, from 2048 on.
+    pub fn counts_step(&self) -> Option<u32> {
+        self.counts_step
     }
 
     /// Time of frame `index`, nanoseconds: as recorded, or `index` divided by the rate.
@@ -434,6 +448,14 @@ fn made_counts(values: &[f64]) -> Option<String> {
         _ => format!("1e-{decimals} * a"),
     };
     Some(format!("numpy.round({scaled}) + 30000"))
+}
+
+/// The step from the greatest of these counts to the one before in floats of 16 bits, whose fraction has 10 of them; none where
+/// that is 1.
+fn half_step(counts: &[TaxelCounts]) -> Option<u32> {
+    let greatest = counts.iter().flatten().flatten().max()?;
+    let beyond = greatest.checked_ilog2()?.checked_sub(10)?;
+    (beyond > 0).then(|| 1 << beyond)
 }
 
 fn count_of(value: f64) -> Option<u16> {

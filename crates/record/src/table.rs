@@ -92,6 +92,8 @@ pub(crate) struct Table {
     pub(crate) void: Option<Vec<bool>>,
     /// Which cells of every frame have no value, where the file says so besides.
     pub(crate) without_value: Option<Vec<bool>>,
+    /// Whether its numbers stood in floats of 16 bits.
+    pub(crate) is_half: bool,
 }
 
 impl FromStr for Columns {

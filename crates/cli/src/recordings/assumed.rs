@@ -1,6 +1,7 @@
 //! What a recording does not say for sure and is taken for: sentences on its columns and times.
 
 use taxel_record::{DEFAULT_RATE_HZ, ReadOptions, Recording};
+use taxel_skin::ConditionConfig;
 
 /// Which of its columns are no taxels, and whether its first frame may be their names.
 pub(crate) fn of_columns(recording: &Recording) -> impl Iterator<Item = String> + use<> {
@@ -29,6 +30,20 @@ pub(crate) fn of_times(recording: &Recording, options: &ReadOptions, units: &str
         format!(
             "it has no times (of an .npz: nanoseconds, the array t_ns), and is taken for {DEFAULT_RATE_HZ} frames a \
              second; --rate HZ says otherwise"
+        )
+    })
+}
+
+/// That floats of 16 bits have left steps between counts, of which two are above the least threshold.
+pub(crate) fn of_steps(recording: &Recording) -> Option<String> {
+    let step = recording.counts_step()?;
+    let enough = 2 * step;
+    (f64::from(enough) > ConditionConfig::robust().threshold_min_counts).then(|| {
+        format!(
+            "its counts stand in floats of 16 bits, which go in steps of {step} there: save them as uint16; where there is no \
+             more left of them, one step of noise is no contact with threshold_min_counts = {enough} ({} where forces are \
+             squared) in [conditioning] of a file for --config",
+            enough * enough
         )
     })
 }

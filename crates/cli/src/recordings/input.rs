@@ -136,7 +136,8 @@ impl InputArgs {
         let recording = Recording::open(&self.path, &options).map_err(|error| self.advised(error, hand))?;
         let name = recording.name();
         let of_times = assumed::of_times(&recording, &options, "--time-column UNIT says otherwise");
-        for sentence in assumed::of_columns(&recording).chain(of_times) {
+        let of_steps = assumed::of_steps(&recording);
+        for sentence in assumed::of_columns(&recording).chain(of_times).chain(of_steps) {
             remark!("taxel: {name}: {sentence}");
         }
         tell_large_angle(&recording);

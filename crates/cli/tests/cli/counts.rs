@@ -478,3 +478,45 @@ fn counts_that_end_while_the_hand_is_calibrated_are_told_so_by_whatever_looks_fo
         "{err}"
     );
 }
+
+/// An .npy of floats of 16 bits, `T x 16 x 3`, of whole numbers from 1024 on.
+fn write_halves(dir: &TempDir, name: &str, counts: &Array3<f32>) {
+    let (frames, taxels, axes) = counts.dim();
+    let header =
+        format!("{{'descr': '<f2', 'fortran_order': False, 'shape': ({frames}, {taxels}, {axes}), }}");
+    let mut bytes = b"\x93NUMPY\x01\x00".to_vec();
+    bytes.extend(u16::try_from(header.len()).unwrap().to_le_bytes());
+    bytes.extend(header.as_bytes());
+    for count in counts {
+        let exponent = count.log2().floor() as i32;
+        let fraction = (count / 2f32.powi(exponent - 10)).round() as u16 - 1024;
+        bytes.extend((((exponent + 15) as u16) << 10 | fraction).to_le_bytes());
+    }
+    write(dir.path().join(name), bytes).unwrap();
+}
+
+#[test]
+fn counts_from_floats_of_16_bits_are_told_with_their_steps_and_what_helps() {
+    let dir = TempDir::new().unwrap();
+    let compress = |name: &str| {
+        let args = [
+            "compress", name, "--layout", "grid:4x4", "--rate", "30", "--out", "o.npz",
+        ];
+        succeeds(&dir, &args).1
+    };
+    let of_16_bits = "its counts stand in floats of 16 bits, which go in steps of";
+    write_halves(&dir, "half.npy", &counts());
+    let err = compress("half.npy");
+    assert!(
+        err.contains(&format!("{of_16_bits} 16 there: save them as uint16"))
+            && err.contains("threshold_min_counts = 32 (1024 where forces are squared) in [conditioning]"),
+        "{err}"
+    );
+    // Whose steps are within the least threshold, and what has none.
+    write_halves(&dir, "low.npy", &counts().mapv(|count| count - 17_000.0));
+    write_npy(dir.path().join("whole.npy"), &counts()).unwrap();
+    for name in ["low.npy", "whole.npy"] {
+        let err = compress(name);
+        assert!(!err.contains(of_16_bits), "{err}");
+    }
+}

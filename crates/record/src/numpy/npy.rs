@@ -22,6 +22,7 @@ pub(crate) fn read(path: &Path, options: &ReadOptions) -> Result<Table, RecordEr
     Meaning::of(&array.at, array.shape(), None, options)?;
     let (at, shape) = (array.at.clone(), array.shape().to_vec());
     Ok(Table {
+        is_half: array.is_half(),
         at,
         shape,
         values: array.numbers()?,
@@ -209,6 +210,12 @@ impl<R: Read> Array<R> {
     pub(crate) fn has_whole_numbers(&self) -> bool {
         let kind = self.element.map(|element| element.kind);
         matches!(kind, Some(Kind::Unsigned | Kind::Signed))
+    }
+
+    /// Whether its elements are floats of 16 bits.
+    pub(crate) fn is_half(&self) -> bool {
+        self.element
+            .is_some_and(|element| (element.kind, element.bytes) == (Kind::Float, 2))
     }
 
     /// Whether its elements are numbers.

@@ -58,6 +58,7 @@ pub(crate) fn read(path: &Path, options: &ReadOptions) -> Result<Table, RecordEr
     let array = npz.array(&name)?;
     let (at, shape) = (array.at.clone(), array.shape().to_vec());
     let meaning = Meaning::of(&at, &shape, None, options)?;
+    let is_half = array.is_half();
     let values = array.numbers()?;
     let how_unfit =
         |(time, length): &&(String, Option<usize>)| (*length != Some(shape[0]), unit_of_name(time).is_none());
@@ -90,6 +91,7 @@ pub(crate) fn read(path: &Path, options: &ReadOptions) -> Result<Table, RecordEr
         names: ColumnNames::default(),
         void,
         without_value,
+        is_half,
     })
 }
 

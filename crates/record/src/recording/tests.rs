@@ -13,6 +13,7 @@ fn table(shape: &[usize], values: Vec<f64>) -> Table {
         names: ColumnNames::default(),
         void: None,
         without_value: None,
+        is_half: false,
     }
 }
 
@@ -284,5 +285,28 @@ fn what_is_advised_for_values_that_are_no_counts_makes_counts_of_them() {
             Some(wanted) => assert!(message.contains(wanted), "{message}"),
             None => assert!(!message.contains("numpy"), "{message}"),
         }
+    }
+}
+
+#[test]
+fn counts_from_floats_of_16_bits_have_the_steps_of_the_greatest() {
+    for (greatest, wanted) in [
+        (0, None),
+        (2047, None),
+        (2048, Some(2)),
+        (16_384, Some(16)),
+        (32_752, Some(16)),
+        (32_768, Some(32)),
+        (65_504, Some(32)),
+    ] {
+        let counts = |is_half| {
+            let table = Table {
+                is_half,
+                ..table(&[1, 2, 3], vec![0.0, 1.0, 2.0, 3.0, 4.0, f64::from(greatest)])
+            };
+            Recording::from_table(table, &ReadOptions::default()).unwrap()
+        };
+        assert_eq!(counts(true).counts_step(), wanted, "{greatest}");
+        assert_eq!(counts(false).counts_step(), None);
     }
 }
