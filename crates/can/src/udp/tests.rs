@@ -213,7 +213,7 @@ fn an_ipv6_group_of_narrow_scope_needs_no_interface_to_be_received() {
 fn an_address_that_is_no_group_is_refused() {
     let error = UdpMulticast::with_options(&UdpOptions {
         group: "127.0.0.1".parse().unwrap(),
-        ..options(1)
+        ..options().1
     })
     .err()
     .unwrap();
