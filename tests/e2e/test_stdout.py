@@ -57,6 +57,7 @@ PRINTING = {
 OTHERS = {
     "figures": "writes files, and says so on stderr",
     "servo": "prints nothing",
+    "foxglove": "goes on until it is ended",
     "setup": "asks, and a hand has to be there",
     "forearm record": "asks, and a gripper has to be there",
 }
