@@ -74,7 +74,7 @@ CASES = {
         [{"kind": "babble", "bus": 1, "id": 0x005, "rate_hz": 3000.0}],
         "babbling",
         "can1",
-        ["id 005", "nobody's", "frames/s", "% of a bus"],
+        ["id 005, which is nobody's in the layout, babbles", "frames/s", "% of a bus"],
     ),
     "a board of the hand floods its bus": (
         [{"kind": "babble", "on": ["index distal"], "rate_hz": 3000.0}],
