@@ -196,11 +196,11 @@ fn python_cans_ipv6_group_works_where_ipv6_has_a_route_for_it() {
 
 #[test]
 fn an_ipv6_group_of_narrow_scope_needs_no_interface_to_be_received() {
-    let (_kept, options) = options();
+    // All of IPv6 is IPv4, too: nobody may have the port there.
     let options = UdpOptions {
         group: "ff12::7461:7865".parse().unwrap(),
         interface: None,
-        ..options.clone()
+        ..options().1
     };
     let receiver = new_socket(options.group).unwrap();
     match bind(receiver.as_raw_fd(), &group_address(&options, 0)) {
