@@ -117,10 +117,11 @@ fn python() -> Option<Command> {
     })
 }
 
-/// A program in C, compiled into a folder of its own; `None`, and said, where no compiler is there.
+/// A program in C, compiled into a folder of its own and named as its source is; `None`, and said,
+/// where no compiler is there.
 fn in_c(source: &str) -> Option<(TempDir, Command)> {
     let dir = tempfile::tempdir().unwrap();
-    let program = dir.path().join("program");
+    let program = dir.path().join(Path::new(source).file_stem().unwrap());
     c_program::compile(source, &program)?;
     Some((dir, Command::new(program)))
 }
