@@ -3,6 +3,7 @@
 
 mod double;
 mod full_queue;
+mod left_on;
 mod lost;
 mod offs;
 mod proof;

@@ -1,5 +1,4 @@
-//! A motor that was switched on here and is no longer on, or no longer under the watchdog that was armed, or was left on by
-//! a daemon before.
+//! A motor that was switched on here and is no longer on, or no longer under the watchdog that was armed.
 
 use crate::writes::{register, start, watched, write_of};
 use crate::{MS, World};
@@ -12,7 +11,7 @@ const OFF: WriteCommand = WriteCommand::Torque(false);
 const GOAL: WriteCommand = WriteCommand::GoalPwm(90);
 
 /// Another host tells a servo something; what it answers is not heard here.
-fn meddle(w: &mut World, id: u8, instruction: Instruction, parameters: &[u8]) {
+pub(crate) fn meddle(w: &mut World, id: u8, instruction: Instruction, parameters: &[u8]) {
     let mut encoder = Encoder::default();
     let packet = encoder
         .packet(id, instruction, parameters.iter().copied())
@@ -30,15 +29,15 @@ fn starts_with_torque(w: &mut World, id: u8) {
     meddle(w, id, Instruction::Write, &[60, 0, 1]);
 }
 
-fn torque_and_watchdog(w: &World, id: u8) -> [i32; 2] {
+pub(crate) fn torque_and_watchdog(w: &World, id: u8) -> [i32; 2] {
     [64, 98].map(|at| register(w, id, at, 1))
 }
 
-fn lost(w: &World, servo: usize) -> Option<MotorLost> {
+pub(crate) fn lost(w: &World, servo: usize) -> Option<MotorLost> {
     w.bus.servo(servo).unwrap().motor_lost
 }
 
-fn refusal(servo: usize, lost: MotorLost) -> WriteRefused {
+pub(crate) fn refusal(servo: usize, lost: MotorLost) -> WriteRefused {
     WriteRefused::MotorLost { joint: servo, lost }
 }
 
@@ -313,95 +312,4 @@ fn what_a_servo_refused_when_the_port_was_lost_is_held_against_no_goal_behind_it
     w.cycles(2);
     assert_eq!([0, 1].map(|servo| w.bus.outcome(servo, 8)), [Some(Ok(())); 2]);
     assert_eq!([1, 2].map(|id| register(&w, id, 100, 2)), [90, 90]);
-}
-
-#[test]
-fn a_motor_that_a_daemon_before_has_left_on_is_switched_off() {
-    let mut w = watched(3, 1000);
-    // Of the first a daemon has armed the watchdog, of the second nobody has; that of the third has stopped it.
-    for (id, watchdog) in [(1, 50), (2, 0), (3, 1)] {
-        meddle(&mut w, id, Instruction::Write, &[98, 0, watchdog]);
-        meddle(&mut w, id, Instruction::Write, &[64, 0, 1]);
-    }
-    w.now_ns += 100 * MS;
-    w.servos.take_due(w.now_ns, &mut Vec::new());
-    w.bus.port_opened();
-    w.cycles(12);
-    let ends = [1, 2, 3].map(|id| torque_and_watchdog(&w, id));
-    assert_eq!(ends, [[0, 0], [1, 0], [1, 255]]);
-    assert_eq!(
-        [0, 1, 2].map(|servo| lost(&w, servo)),
-        [Some(MotorLost::LeftOn), None, None]
-    );
-    assert!(!w.bus.servo(0).unwrap().motor_off.unconfirmed);
-    assert_eq!(w.bus.command(0, GOAL), Err(refusal(0, MotorLost::LeftOn)));
-    w.cycles(300);
-    assert_eq!(torque_and_watchdog(&w, 2), [1, 0]);
-    w.bus.command(0, ON).unwrap();
-    w.cycles(2);
-    assert_eq!((torque_and_watchdog(&w, 1), lost(&w, 0)), ([1, 50], None));
-}
-
-#[test]
-fn a_motor_that_was_left_on_is_switched_off_by_whichever_question_its_servo_answers_first() {
-    let mut w = watched(1, 2540);
-    meddle(&mut w, 1, Instruction::Write, &[98, 0, 127]);
-    meddle(&mut w, 1, Instruction::Write, &[64, 0, 1]);
-    w.bus.port_opened();
-    let mut missed = 0;
-    w.lost = Box::new(move |request| {
-        let asks = request[7] == 0x02 && request[8] == 64 && request[10] == 35;
-        missed += u32::from(asks);
-        asks && missed <= 5
-    });
-    w.cycles(60);
-    assert_eq!(torque_and_watchdog(&w, 1), [0, 0]);
-    assert_eq!(lost(&w, 0), Some(MotorLost::LeftOn));
-}
-
-#[test]
-fn a_servo_that_never_says_whether_its_motor_was_left_on_says_who_it_is() {
-    let mut w = watched(2, 1000);
-    w.bus.port_opened();
-    w.lost = Box::new(|request| request[7] == 0x02 && request[8] == 64 && request[10] == 35);
-    w.cycles(200);
-    assert!([0, 1].iter().all(|i| w.bus.servo(*i).unwrap().identity.is_some()));
-}
-
-#[test]
-fn a_motor_that_is_switched_on_here_is_not_taken_for_one_that_was_left_on() {
-    // Before its servo is asked, and while the port was away.
-    let mut w = watched(2, 1000);
-    meddle(&mut w, 1, Instruction::Write, &[98, 0, 50]);
-    meddle(&mut w, 1, Instruction::Write, &[64, 0, 1]);
-    w.bus.port_opened();
-    w.bus.command(0, ON).unwrap();
-    for opened_anew in [false, true] {
-        if opened_anew {
-            w.bus.port_lost();
-            w.bus.port_opened();
-        }
-        w.cycles(100);
-        assert_eq!(torque_and_watchdog(&w, 1), [1, 50], "{opened_anew}");
-        assert_eq!(lost(&w, 0), None);
-    }
-    // Nor one that is asked to start while its servo answers.
-    let mut w = watched(1, 1000);
-    meddle(&mut w, 1, Instruction::Write, &[98, 0, 50]);
-    meddle(&mut w, 1, Instruction::Write, &[64, 0, 1]);
-    w.bus.port_opened();
-    let asks = |w: &World| {
-        w.requests
-            .iter()
-            .any(|r| r[7] == 0x02 && r[8] == 64 && r[10] == 35)
-    };
-    while !asks(&w) {
-        w.bus.begin(w.now_ns);
-        while !asks(&w) && w.turn() {}
-        w.now_ns += MS;
-    }
-    w.bus.command(0, ON).unwrap();
-    while w.turn() {}
-    w.cycles(100);
-    assert_eq!((torque_and_watchdog(&w, 1), lost(&w, 0)), ([1, 50], None));
 }

@@ -111,7 +111,7 @@ const PATIENCE: u32 = 2;
 /// First and longest pause before a silent servo is asked again, nanoseconds.
 const FIRST_REST_NS: u64 = 50_000_000;
 const LONGEST_REST_NS: u64 = 500_000_000;
-/// One that answers is asked so often whether its motor was left on; one that never says so is asked who it is, too.
+/// A servo is asked so often whether its motor was left on; one that never says so is asked for its position alone then.
 const LEFT_ON_ASKS: u8 = 10;
 /// Return Delay Time from the factory, until the servo has told its own.
 pub(crate) const FACTORY_RETURN_DELAY_NS: u64 = 500_000;
@@ -168,7 +168,7 @@ pub(crate) struct Servo {
     /// Whether it has said that its watchdog is cleared, and was not told since to arm it.
     pub(crate) is_disarmed: bool,
     pub(crate) watch: Watch,
-    /// How often it is still asked, until it says so, whether its motor was left on by a daemon before.
+    /// How often it is still asked with its position, until it says so, whether its motor was left on before the port was opened.
     pub(crate) left_on_asks: u8,
     /// Bytes that it told in its answer, good or not, to the newest request that is over; `None` where none came.
     told_bytes: Option<usize>,
@@ -367,6 +367,11 @@ impl Servo {
     /// Whether its motor may run here, and nobody wants it off.
     pub(crate) fn runs(&self) -> bool {
         self.state.may_run && !self.state.motor_off.unconfirmed
+    }
+
+    /// Whether it is still to say whether its motor was left on. One that rests is not waited for.
+    pub(crate) fn is_to_say_left_on(&self) -> bool {
+        self.left_on_asks > 0 && !self.rests()
     }
 
     /// Its motor is to be off, and it may not have heard that: it is told again as soon as may be.

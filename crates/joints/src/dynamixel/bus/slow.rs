@@ -12,8 +12,6 @@ pub(crate) enum Task {
     State,
     /// Address 98: whether its bus watchdog has stopped a motor that is on.
     Watchdog,
-    /// Addresses 64 to 98, torque enable to bus watchdog: whether its motor was left on by a daemon before.
-    LeftOn,
     /// Addresses 144 to 146: voltage and temperature.
     Power,
 }
@@ -26,9 +24,6 @@ const PERIOD_NS: u64 = 1_000_000_000;
 /// Between two questions out of turn (identity, alert).
 const URGENT_GAP_NS: u64 = 10_000_000;
 
-/// From Torque Enable to Bus Watchdog.
-const LEFT_ON_BYTES: usize = (address::BUS_WATCHDOG - address::TORQUE_ENABLE) as usize + 1;
-
 impl Task {
     /// Address and number of bytes.
     pub(crate) fn span(self) -> (u16, u16) {
@@ -36,7 +31,6 @@ impl Task {
             Task::Identity => (address::MODEL_NUMBER, 11),
             Task::State => (address::TORQUE_ENABLE, 7),
             Task::Watchdog => (address::BUS_WATCHDOG, 1),
-            Task::LeftOn => (address::TORQUE_ENABLE, LEFT_ON_BYTES as u16),
             Task::Power => (address::PRESENT_INPUT_VOLTAGE, 3),
         }
     }
@@ -63,11 +57,6 @@ impl Task {
                 state.hardware_error = Some(HardwareError(*error));
             }
             (Task::Watchdog, [steps]) => state.watchdog_tripped = Some(*steps == WATCHDOG_TRIPPED),
-            (Task::LeftOn, [torque, .., steps]) if data.len() == LEFT_ON_BYTES => {
-                state.torque_enabled = Some(*torque != 0);
-                state.watchdog_tripped = (*torque != 0).then_some(*steps == WATCHDOG_TRIPPED);
-                servo.left_on_asks = 0;
-            }
             (Task::Power, [v0, v1, celsius]) => {
                 state.voltage_v = Some(volts(u16::from_le_bytes([*v0, *v1])));
                 state.temperature_c = Some(*celsius);
@@ -91,7 +80,7 @@ pub(crate) struct SlowLane {
 
 impl SlowLane {
     /// The next question, if one is due; only servos that answer are asked.
-    pub(crate) fn next(&mut self, servos: &mut [Servo], now_ns: u64) -> Option<(usize, Task)> {
+    pub(crate) fn next(&mut self, servos: &[Servo], now_ns: u64) -> Option<(usize, Task)> {
         let n = servos.len();
         let is_turn = now_ns >= self.turn_ns;
         let waits = std::mem::take(&mut self.was_urgent) && is_turn;
@@ -102,9 +91,6 @@ impl SlowLane {
                     self.urgent_turn = i + 1;
                     self.urgent_ns = now_ns + URGENT_GAP_NS;
                     self.was_urgent = true;
-                    if task == Task::LeftOn {
-                        servos[i].left_on_asks -= 1;
-                    }
                     return Some((i, task));
                 }
             }
@@ -139,9 +125,6 @@ fn urgent(servo: &Servo) -> Option<Task> {
     if servo.runs() && servo.watch == Watch::Doubted {
         return Some(Task::Watchdog);
     }
-    if servo.left_on_asks > 0 {
-        return Some(Task::LeftOn);
-    }
     if servo.state.identity.is_none() {
         return Some(Task::Identity);
     }
@@ -169,7 +152,7 @@ mod tests {
         let mut lane = SlowLane::default();
         let mut asked = Vec::new();
         for ms in 0..2_000_u64 {
-            if let Some((i, task)) = lane.next(&mut servos, ms * 1_000_000) {
+            if let Some((i, task)) = lane.next(&servos, ms * 1_000_000) {
                 let (_, bytes) = task.span();
                 let mut data = vec![0; usize::from(bytes)];
                 // The motor of the second is on.
@@ -201,18 +184,18 @@ mod tests {
             assert!(Task::Identity.take(s, &[0; 11]));
         }
         let mut lane = SlowLane::default();
-        while lane.next(&mut servos, 0).is_some() {}
+        while lane.next(&servos, 0).is_some() {}
         servos[1].state.alert = true;
-        assert_eq!(lane.next(&mut servos, 20_000_000), Some((1, Task::State)));
+        assert_eq!(lane.next(&servos, 20_000_000), Some((1, Task::State)));
         assert!(Task::State.take(&mut servos[1], &[1, 0, 0, 0, 0, 0, 0x20]));
         assert_eq!(servos[1].state.hardware_error, Some(HardwareError(0x20)));
         assert_eq!(servos[1].state.torque_enabled, Some(true));
-        assert_eq!(lane.next(&mut servos, 40_000_000), None);
+        assert_eq!(lane.next(&servos, 40_000_000), None);
         for s in &mut servos {
             s.state.alive = false;
             s.state.identity = None;
         }
-        assert!((0..100).all(|s| lane.next(&mut servos, s * 1_000_000_000).is_none()));
+        assert!((0..100).all(|s| lane.next(&servos, s * 1_000_000_000).is_none()));
     }
 
     #[test]
@@ -225,7 +208,7 @@ mod tests {
         (servos[1].state.may_run, servos[1].watch) = (true, Watch::Doubted);
         let mut lane = SlowLane::default();
         let asked: Vec<_> = (0..200)
-            .filter_map(|n| lane.next(&mut servos, n * 10_000_000))
+            .filter_map(|n| lane.next(&servos, n * 10_000_000))
             .collect();
         for question in [
             (0, Task::State),

@@ -97,7 +97,10 @@ impl Bus {
         self.servos[servo].took(took_ns);
         self.servos[servo].take_status(status);
         match self.pass.kind {
-            Kind::Plain | Kind::Fast => self.take_present(position, status, data, packet.raw.len(), now_ns),
+            Kind::Plain | Kind::Fast => {
+                self.take_present(position, status, data, packet.raw.len(), now_ns);
+                self.take_left_on(servo, data);
+            }
             Kind::Slow(task) => {
                 if status.error().is_none() {
                     self.take_told(servo, task, data);

@@ -15,7 +15,8 @@ use super::slow::SlowLane;
 use super::wire_ns;
 use super::writes::{QUEUE, Write, WriteError};
 use crate::dynamixel::config::{DynamixelConfig, FastSyncRead, ServoConfig};
-use crate::dynamixel::protocol2::{Encoder, FAST_BLOCK_OVERHEAD, Parser};
+use crate::dynamixel::protocol2::{Encoder, FAST_BLOCK_OVERHEAD, Parser, STATUS_OVERHEAD};
+use crate::dynamixel::registers::address;
 use repeats::Repeats;
 use std::collections::VecDeque;
 
@@ -79,6 +80,8 @@ const SUSPICION_NS: u64 = 200_000_000;
 /// How many lengths there are: 12 bytes to 19, none of which is that of another question. An answer could only be mistaken for
 /// another if it came later than eight deadlines.
 const LEADS: u16 = 8;
+/// Bytes from Torque Enable to Present PWM: they are read as well where servos are to say whether their motors were left on.
+const LEFT_ON_LEAD: u16 = address::PRESENT_PWM - address::TORQUE_ENABLE;
 /// Fast sync reads tried before it is given up, and those in a row that may fail later.
 const FAST_TRIES: u32 = 3;
 /// After a fast sync read that had worked was given up, it is tried again so much later.
@@ -146,8 +149,6 @@ pub struct Bus {
     ends: bool,
     release_ns: u64,
     release_until_ns: Option<u64>,
-    /// Whose motor is the next to be told again to be off.
-    off_turn: usize,
     begun_ns: u64,
     counters: BusCounters,
 }
@@ -161,7 +162,8 @@ impl Bus {
             by_id[usize::from(servo.id)] = u8::try_from(i).ok();
         }
         let longest_data = PRESENT_BYTES + usize::from(LEADS);
-        let longest = (1 + n * (longest_data + FAST_BLOCK_OVERHEAD)).max(64);
+        let longest_alone = longest_data + usize::from(LEFT_ON_LEAD) + STATUS_OVERHEAD;
+        let longest = (1 + n * (longest_data + FAST_BLOCK_OVERHEAD)).max(longest_alone);
         Self {
             config: config.servo.clone(),
             servos: config.servo.iter().map(|s| Servo::new(s.id)).collect(),
@@ -206,7 +208,6 @@ impl Bus {
             ends: false,
             release_ns: 0,
             release_until_ns: None,
-            off_turn: 0,
             begun_ns: 0,
             counters: BusCounters::default(),
         }

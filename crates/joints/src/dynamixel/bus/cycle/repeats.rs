@@ -34,7 +34,7 @@ impl Bus {
             && (0..self.servos.len()).any(|servo| self.is_to_repeat(servo))
     }
 
-    fn has_urgent(&self) -> bool {
+    pub(super) fn has_urgent(&self) -> bool {
         self.writes.front().is_some_and(|write| write.urgent)
     }
 

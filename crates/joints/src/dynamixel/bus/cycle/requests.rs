@@ -1,6 +1,8 @@
 //! Which request comes next, and what follows from a request that is over.
 
-use super::{Bus, FAST_AGAIN_NS, FAST_TRIES, FastState, LEADS, OFFS_NS, PASSES, SLOW_SHARE, SUSPICION_NS};
+use super::{
+    Bus, FAST_AGAIN_NS, FAST_TRIES, FastState, LEADS, LEFT_ON_LEAD, OFFS_NS, PASSES, SLOW_SHARE, SUSPICION_NS,
+};
 use crate::dynamixel::bus::pass::{Answer, Kind};
 use crate::dynamixel::bus::reading::PRESENT_BYTES;
 use crate::dynamixel::bus::writes::{Write, WriteError, WriteRefused};
@@ -17,8 +19,13 @@ impl Bus {
             self.suspicious_ns = None;
             self.lead = 0;
         }
-        let length = PRESENT_BYTES as u16 + self.lead;
-        let at = address::PRESENT_PWM - self.lead;
+        let asks_left_on = (self.pass.order.iter()).any(|i| self.servos[*i].is_to_say_left_on());
+        let (kind, lead) = match asks_left_on {
+            true => (Kind::Plain, self.lead + LEFT_ON_LEAD),
+            false => (kind, self.lead),
+        };
+        let length = PRESENT_BYTES as u16 + lead;
+        let at = address::PRESENT_PWM - lead;
         self.pass.begin(kind, at, length);
         self.passes += 1;
         let mut ids = [0_u8; 256];
@@ -66,7 +73,7 @@ impl Bus {
         if now_ns.saturating_sub(self.slow_ns) < SLOW_SHARE * busy_ns {
             return false;
         }
-        let Some((servo, task)) = self.lane.next(&mut self.servos, now_ns) else {
+        let Some((servo, task)) = self.lane.next(&self.servos, now_ns) else {
             return false;
         };
         let (at, length) = task.span();
@@ -99,19 +106,15 @@ impl Bus {
         }
     }
 
-    /// Where nothing else is urgent, has a motor told again to be off of which nobody knows whether it is.
+    /// Where nothing else is urgent, has motors told again to be off, in one packet, of which nobody knows whether they are.
     fn switch_off_again(&mut self, now_ns: u64) {
-        if self.writes.front().is_some_and(|write| write.urgent) {
+        if self.has_urgent() {
             return;
         }
-        let servos = self.servos.len();
-        // One after the other, or a servo whose answers all come damaged would keep the others waiting.
-        let due = (0..servos)
-            .map(|step| (self.off_turn + step) % servos)
-            .find(|servo| self.servos[*servo].is_off_due(now_ns) && !self.is_being_started(*servo));
-        if let Some(servo) = due {
-            self.off_turn = servo + 1;
-            self.insert_off(servo, 0);
+        for servo in 0..self.servos.len() {
+            if self.servos[servo].is_off_due(now_ns) && !self.is_being_started(servo) {
+                self.insert_first_off(servo, 0);
+            }
         }
     }
 
@@ -159,13 +162,19 @@ impl Bus {
 
     fn end_plain(&mut self, now_ns: u64) {
         self.again.clear();
+        let was_asked_left_on = self.pass.data_bytes >= PRESENT_BYTES as u16 + LEFT_ON_LEAD;
         for (position, i) in self.pass.order.iter().copied().enumerate() {
+            let servo = &mut self.servos[i];
             match self.pass.answers[position] {
                 Answer::Got => {}
-                Answer::Damaged => self.servos[i].answered(now_ns),
-                Answer::Awaited if self.pass.is_silent(position) => self.servos[i].was_silent(now_ns),
-                Answer::Awaited => self.again.push(i),
+                Answer::Damaged => servo.answered(now_ns),
+                Answer::Awaited if self.pass.is_silent(position) => servo.was_silent(now_ns),
+                Answer::Awaited => {
+                    self.again.push(i);
+                    continue;
+                }
             }
+            servo.left_on_asks -= u8::from(was_asked_left_on && servo.left_on_asks > 0);
         }
         if self.passes >= PASSES {
             self.again.clear();

@@ -5,13 +5,17 @@
 //! none is given a goal that may have restarted since its watchdog was known.
 
 use super::requests::load;
-use super::{Bus, WRITE_TRIES};
+use super::{Bus, LEFT_ON_LEAD, WRITE_TRIES};
 use crate::dynamixel::bus::pass::{Answer, Kind};
+use crate::dynamixel::bus::reading::PRESENT_BYTES;
 use crate::dynamixel::bus::servo::Watch;
 use crate::dynamixel::bus::slow::Task;
 use crate::dynamixel::bus::writes::{MotorLost, Write, WriteError, WriteRefused};
 use crate::dynamixel::registers::{WATCHDOG_TRIPPED, address};
 use crate::error::MAX_JOINTS;
+
+/// From Torque Enable to Present Position.
+const LEFT_ON_BYTES: usize = LEFT_ON_LEAD as usize + PRESENT_BYTES;
 
 impl Bus {
     /// Why a motor that is off is given no goal.
@@ -22,28 +26,51 @@ impl Bus {
         }
     }
 
-    /// A servo has told something between two cycles: of a motor that was switched on here or left on, it may be that it is lost.
+    /// Behind the opening of a port a servo has told all from Torque Enable to its position. A motor that is on, though nobody
+    /// has switched it on since, was left on: where its watchdog is armed, whoever armed it relies on that to stop it, and it
+    /// does not, since reading feeds it. One that is on without a watchdog is another program's.
+    pub(super) fn take_left_on(&mut self, servo: usize, data: &[u8]) {
+        // What stands before Torque Enable only gives the answer a length of its own.
+        let Some(data) = data.last_chunk::<LEFT_ON_BYTES>() else {
+            return;
+        };
+        if std::mem::take(&mut self.servos[servo].left_on_asks) == 0 {
+            return;
+        }
+        let told = |task: Task| {
+            let (at, length) = task.span();
+            &data[usize::from(at - address::TORQUE_ENABLE)..][..usize::from(length)]
+        };
+        self.take_told(servo, Task::State, told(Task::State));
+        if self.servos[servo].state.torque_enabled != Some(true) {
+            return;
+        }
+        self.take_told(servo, Task::Watchdog, told(Task::Watchdog));
+        let is_armed = matches!(told(Task::Watchdog), [1..=127]);
+        let is_ours = self.servos[servo].state.may_run || self.servos[servo].is_to_be_off;
+        if is_armed && !is_ours {
+            self.lose_motor(servo, MotorLost::LeftOn);
+        }
+    }
+
+    /// A servo has told something between two cycles: of a motor that was switched on here, it may be that it is lost.
     pub(super) fn take_told(&mut self, servo: usize, task: Task, data: &[u8]) {
         let was_on = self.servos[servo].state.torque_enabled == Some(true);
         if !task.take(&mut self.servos[servo], data) {
             return;
         }
         match (task, data) {
-            (Task::State | Task::LeftOn, [0, ..]) if self.is_settled(servo) && self.servos[servo].runs() => {
+            (Task::State, [0, ..]) if self.is_settled(servo) && self.servos[servo].runs() => {
                 match was_on {
                     true => self.lose_motor(servo, MotorLost::GoneOff),
                     // That it was not switched on was told to whoever wanted it.
                     false => self.servos[servo].state.may_run = false,
                 }
             }
-            (Task::State | Task::LeftOn, [torque, ..])
+            (Task::State, [torque, ..])
                 if *torque != 0 && self.servos[servo].is_to_be_off && self.is_settled(servo) =>
             {
                 self.still_on(servo);
-            }
-            // Nobody but a daemon arms a watchdog, and this one's reading feeds it. Who has switched it on without one is another.
-            (Task::LeftOn, [1..=u8::MAX, .., 1..=127]) if !self.servos[servo].state.may_run => {
-                self.lose_motor(servo, MotorLost::LeftOn);
             }
             (Task::Watchdog, [watchdog]) if self.is_armed(servo) => {
                 let armed = self.watchdog_steps;

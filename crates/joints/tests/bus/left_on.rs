@@ -1,0 +1,187 @@
+//! A motor that a program before has left on: it is off before anything that is asked feeds its watchdog once more.
+
+use crate::restarts::{lost, meddle, refusal, torque_and_watchdog};
+use crate::writes::watched;
+use crate::{MS, World};
+use taxel_joints::bus::{MotorLost, WriteCommand};
+use taxel_joints::protocol2::Instruction;
+use taxel_sim::servo::{AfterSilence, ServoFault};
+
+const ON: WriteCommand = WriteCommand::Torque(true);
+const GOAL: WriteCommand = WriteCommand::GoalPwm(90);
+
+/// Somebody has armed a servo's watchdog and switched its motor on.
+fn leave_on(w: &mut World, id: u8, watchdog: u8) {
+    meddle(w, id, Instruction::Write, &[98, 0, watchdog]);
+    meddle(w, id, Instruction::Write, &[64, 0, 1]);
+}
+
+/// Whether servos are asked from Torque Enable, or a little before it, to Present Position.
+fn asks_left_on(request: &[u8]) -> bool {
+    request[7] == 0x82 && request[8] <= 64 && request[10] >= 72
+}
+
+#[test]
+fn all_motors_that_were_left_on_are_switched_off_in_one_packet_behind_the_first_question() {
+    for n in [1, 16, 64] {
+        let mut w = watched(n, 1000);
+        (1..=n).for_each(|id| leave_on(&mut w, id, 50));
+        w.bus.port_opened();
+        w.bus.begin(w.now_ns);
+        while w.requests.len() < 2 {
+            assert!(w.turn(), "{n}");
+        }
+        assert!(asks_left_on(&w.requests[0]), "{n}");
+        for (servo, id) in (0..).zip(1..=n) {
+            assert_eq!(torque_and_watchdog(&w, id), [0, 50], "{n}: {id}");
+            assert_eq!(lost(&w, servo), Some(MotorLost::LeftOn), "{n}: {id}");
+        }
+        while w.turn() {}
+        w.cycles(1);
+        let ends = (1..=n).map(|id| torque_and_watchdog(&w, id));
+        assert!(ends.into_iter().all(|end| end == [0, 0]), "{n}");
+        assert!(!w.bus.has_writes(), "{n}");
+        assert!(
+            w.bus.results().iter().all(Result::is_ok),
+            "{n}: they are read, too"
+        );
+    }
+}
+
+#[test]
+fn one_that_is_silent_keeps_no_other_on_that_was_left_on() {
+    for silent in [1, 3] {
+        for after in [AfterSilence::Answer, AfterSilence::Stop] {
+            let what = format!("{silent}, {after:?}");
+            let mut w = watched(4, 1000);
+            w.servos.set_after_silence(after);
+            (1..=4).for_each(|id| leave_on(&mut w, id, 50));
+            w.fault(silent, ServoFault::Silent);
+            w.bus.port_opened();
+            w.bus.begin(w.now_ns);
+            while w.turn() {}
+            let others = (1..=4).filter(|id| *id != silent);
+            assert!(
+                others.into_iter().all(|id| torque_and_watchdog(&w, id)[0] == 0),
+                "{what}"
+            );
+            // It is asked as soon as it answers, however late.
+            w.cycles(1000);
+            w.servos.set_fault(silent, None, 1);
+            w.cycles(120);
+            assert_eq!(torque_and_watchdog(&w, silent), [0, 0], "{what}");
+            assert_eq!(
+                lost(&w, usize::from(silent) - 1),
+                Some(MotorLost::LeftOn),
+                "{what}"
+            );
+        }
+    }
+}
+
+#[test]
+fn servos_are_asked_for_their_positions_alone_once_they_have_said_whether_they_were_left_on() {
+    let mut w = watched(3, 1000);
+    w.fault(2, ServoFault::Silent);
+    w.bus.port_opened();
+    w.cycles(2);
+    w.requests.clear();
+    w.cycles(200);
+    assert!(!w.requests.iter().any(|r| asks_left_on(r)), "nobody waits for it");
+    // One that refuses to say so is asked a few times.
+    w.fault(2, ServoFault::Refuse { number: 7 });
+    w.cycles(200);
+    let asked = w.requests.iter().filter(|r| asks_left_on(r)).count();
+    assert!((1..=10).contains(&asked), "{asked}");
+}
+
+#[test]
+fn a_motor_that_somebody_has_switched_on_before_another_servo_came_was_not_left_on() {
+    let mut w = watched(2, 1000);
+    w.fault(2, ServoFault::Silent);
+    w.bus.port_opened();
+    w.cycles(100);
+    leave_on(&mut w, 1, 50);
+    w.servos.set_fault(2, None, 1);
+    w.cycles(200);
+    assert_eq!((torque_and_watchdog(&w, 1), lost(&w, 0)), ([1, 50], None));
+}
+
+#[test]
+fn a_motor_that_a_daemon_before_has_left_on_is_switched_off() {
+    let mut w = watched(3, 1000);
+    // Of the first a daemon has armed the watchdog, of the second nobody has; that of the third has stopped it.
+    for (id, watchdog) in [(1, 50), (2, 0), (3, 1)] {
+        leave_on(&mut w, id, watchdog);
+    }
+    w.now_ns += 100 * MS;
+    w.servos.take_due(w.now_ns, &mut Vec::new());
+    w.bus.port_opened();
+    w.cycles(1);
+    let ends = [1, 2, 3].map(|id| torque_and_watchdog(&w, id));
+    assert_eq!(ends, [[0, 0], [1, 0], [1, 255]]);
+    assert_eq!(
+        [0, 1, 2].map(|servo| lost(&w, servo)),
+        [Some(MotorLost::LeftOn), None, None]
+    );
+    assert!(!w.bus.servo(0).unwrap().motor_off.unconfirmed);
+    assert_eq!(w.bus.command(0, GOAL), Err(refusal(0, MotorLost::LeftOn)));
+    w.cycles(300);
+    assert_eq!(torque_and_watchdog(&w, 2), [1, 0]);
+    w.bus.command(0, ON).unwrap();
+    w.cycles(2);
+    assert_eq!((torque_and_watchdog(&w, 1), lost(&w, 0)), ([1, 50], None));
+}
+
+#[test]
+fn a_motor_that_was_left_on_is_switched_off_by_whichever_question_its_servo_answers_first() {
+    let mut w = watched(1, 2540);
+    leave_on(&mut w, 1, 127);
+    w.bus.port_opened();
+    let mut missed = 0;
+    w.lost = Box::new(move |request| {
+        let asks = asks_left_on(request);
+        missed += u32::from(asks);
+        asks && missed <= 5
+    });
+    w.cycles(60);
+    assert_eq!(torque_and_watchdog(&w, 1), [0, 0]);
+    assert_eq!(lost(&w, 0), Some(MotorLost::LeftOn));
+}
+
+#[test]
+fn a_servo_that_never_says_whether_its_motor_was_left_on_says_who_it_is() {
+    let mut w = watched(2, 1000);
+    w.bus.port_opened();
+    w.lost = Box::new(asks_left_on);
+    w.cycles(200);
+    assert!([0, 1].iter().all(|i| w.bus.servo(*i).unwrap().identity.is_some()));
+}
+
+#[test]
+fn a_motor_that_is_switched_on_here_is_not_taken_for_one_that_was_left_on() {
+    // Before its servo is asked, and while the port was away.
+    let mut w = watched(2, 1000);
+    leave_on(&mut w, 1, 50);
+    w.bus.port_opened();
+    w.bus.command(0, ON).unwrap();
+    for opened_anew in [false, true] {
+        if opened_anew {
+            w.bus.port_lost();
+            w.bus.port_opened();
+        }
+        w.cycles(100);
+        assert_eq!(torque_and_watchdog(&w, 1), [1, 50], "{opened_anew}");
+        assert_eq!(lost(&w, 0), None);
+    }
+    // Nor one that is asked to start while its servo answers.
+    let mut w = watched(1, 1000);
+    leave_on(&mut w, 1, 50);
+    w.bus.port_opened();
+    w.bus.begin(w.now_ns);
+    assert!(w.turn() && asks_left_on(&w.requests[0]));
+    w.bus.command(0, ON).unwrap();
+    while w.turn() {}
+    w.cycles(100);
+    assert_eq!((torque_and_watchdog(&w, 1), lost(&w, 0)), ([1, 50], None));
+}
