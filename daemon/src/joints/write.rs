@@ -170,11 +170,15 @@ pub(crate) async fn write(
             ))
             .into());
         }
+        let is_start = !matches!(command, WriteCommand::GoalPwm(_));
         let held = match request.hold_ms {
+            _ if is_start && servos.motor_off(joint).unconfirmed => {
+                "; its motor may run, and is told to be off until it confirms that"
+            }
             Some(_) if hold.holds(joint) => {
                 "; its motor may run, and is held by this connection until that lets go or has it switched off"
             }
-            None if !matches!(command, WriteCommand::GoalPwm(_)) && !servos.is_off(joint) => {
+            None if is_start && !servos.is_off(joint) => {
                 "; its motor may run, and nobody holds it: have it switched off, or ask again"
             }
             _ => "",

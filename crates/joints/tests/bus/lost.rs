@@ -5,7 +5,7 @@ use crate::writes::{register, start, watched, writable, write_of};
 use taxel_joints::bus::{Step, WriteCommand, WriteRefused};
 
 #[test]
-fn a_motor_whose_start_was_lost_with_the_port_was_not_switched_on() {
+fn a_motor_whose_start_was_lost_with_the_port_is_off_when_that_is_back() {
     for command in [WriteCommand::Torque(true), WriteCommand::Start(40)] {
         let whole = if command == WriteCommand::Start(40) { 5 } else { 4 };
         for sent in 0..=whole {
@@ -17,14 +17,14 @@ fn a_motor_whose_start_was_lost_with_the_port_was_not_switched_on() {
             while writes(&w) < sent && w.turn() {}
             assert_eq!(writes(&w), sent);
             w.bus.port_lost();
+            let what = format!("{command:?} lost behind write {sent}");
+            // The last write has been obeyed though nobody heard its answer.
+            assert_eq!(register(&w, 1, 64, 1), i32::from(sent == whole), "{what}");
             w.bus.port_opened();
-            // The last write may have been obeyed though nobody heard its answer.
-            let expected = match sent == whole {
-                true => Ok(()),
-                false => Err(WriteRefused::MotorOff(0)),
-            };
             let goal = w.bus.command(0, WriteCommand::GoalPwm(1));
-            assert_eq!(goal, expected, "{command:?} lost behind write {sent}");
+            assert_eq!(goal, Err(WriteRefused::MotorOff(0)), "{what}");
+            w.cycles(3);
+            assert_eq!(register(&w, 1, 64, 1), 0, "{what}");
         }
     }
 }

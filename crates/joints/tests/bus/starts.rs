@@ -99,7 +99,7 @@ fn a_start_goes_on_behind_one_that_its_servo_refuses() {
 }
 
 #[test]
-fn a_motor_whose_start_was_not_answered_may_run_until_its_servo_says_that_it_is_off() {
+fn a_motor_whose_start_was_not_answered_is_switched_off_and_given_no_goal() {
     // Its start is obeyed, and the answer lost; or the start is lost itself.
     for cut in [false, true] {
         let mut w = watched(1, 2540);
@@ -111,27 +111,26 @@ fn a_motor_whose_start_was_not_answered_may_run_until_its_servo_says_that_it_is_
         if !cut {
             w.fault(1, ServoFault::Silent);
         }
+        w.bus.numbered_command(2, 0, GOAL).unwrap();
         while w.turn() {}
-        w.cycles(8);
+        while w.bus.outcome(0, 1).is_none() {
+            w.cycle(5 * MS);
+        }
+        assert_eq!(w.bus.outcome(0, 1), Some(Err(WriteError::Silent)));
+        let off = WriteRefused::MotorOff(0);
+        assert_eq!(w.bus.outcome(0, 2), Some(Err(WriteError::NotTaken(off))));
+        assert_eq!(w.bus.command(0, GOAL), Err(off), "cut {cut}");
+        assert!(w.bus.servo(0).unwrap().motor_off.unconfirmed, "nobody knows");
         w.servos.set_fault(1, None, 1);
         w.cut = false;
-        assert_eq!(register(&w, 1, 64, 1), i32::from(!cut));
-        assert_eq!(w.bus.command(0, GOAL), Ok(()), "nobody knows");
-        w.cycles(300);
-        let known = if cut {
-            Err(WriteRefused::MotorOff(0))
-        } else {
-            Ok(())
-        };
-        assert_eq!(w.bus.command(0, GOAL), known);
-        w.bus.release_motors();
-        w.cycles(3);
-        assert_eq!(register(&w, 1, 64, 1), 0);
+        w.cycles(200);
+        assert_eq!([64, 98].map(|at| register(&w, 1, at, 1)), [0, 0], "cut {cut}");
+        assert!(!w.bus.servo(0).unwrap().motor_off.unconfirmed && !w.bus.has_writes());
     }
 }
 
 #[test]
-fn a_start_that_is_refused_when_it_is_sent_again_may_have_been_obeyed_before() {
+fn a_motor_whose_start_was_obeyed_and_is_refused_when_it_is_sent_again_is_switched_off() {
     let mut w = watched(1, 2540);
     w.cycles(3);
     w.bus.command(0, START).unwrap();
@@ -139,14 +138,13 @@ fn a_start_that_is_refused_when_it_is_sent_again_may_have_been_obeyed_before() {
     while writes(&w) < WRITES - 1 && w.turn() {}
     w.fault(1, ServoFault::Silent);
     while w.turn() {}
+    assert_eq!(register(&w, 1, 64, 1), 1);
     w.fault(1, ServoFault::Refuse { number: 4 });
     w.cycles(1);
-    assert!(!w.bus.has_writes());
     w.servos.set_fault(1, None, 1);
-    assert_eq!(register(&w, 1, 64, 1), 1);
-    w.bus.release_motors();
-    w.cycles(3);
-    assert_eq!(register(&w, 1, 64, 1), 0);
+    w.cycles(20);
+    assert_eq!([64, 98].map(|at| register(&w, 1, at, 1)), [0, 0]);
+    assert!(!w.bus.has_writes());
 }
 
 #[test]

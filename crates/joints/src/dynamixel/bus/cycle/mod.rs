@@ -245,12 +245,14 @@ impl Bus {
         self.fast
     }
 
-    /// No write is sent any more. A motor that was to be switched off is told so when the port is back.
+    /// No write is sent any more. A motor that was to be switched off is told so when the port is back, and so is one that may
+    /// run though its start has failed.
     fn forget_writes(&mut self) {
         self.offs_untold = false;
         while let Some(write) = self.writes.pop_front() {
-            if write.switches_off() {
-                self.servos[write.servo].owe_off();
+            let servo = &mut self.servos[write.servo];
+            if write.switches_off() || write.is_motor_on() && servo.state.may_run {
+                servo.owe_off();
             }
             self.note(write.servo, write.number, Err(WriteError::PortLost));
         }

@@ -242,9 +242,10 @@ impl Bus {
         count > 0
     }
 
-    /// A motor whose watchdog could not be armed, or whose first goal was not taken, is not switched on; one that runs is switched off.
-    pub(super) fn call_off_torque(&mut self, failed: &Write) {
-        let (mut torque, mut is_own) = (false, !failed.last);
+    /// A start has failed with this write. What is left of it is not told, nor are the goals behind it, and a motor that runs, or
+    /// may by now, is switched off.
+    pub(super) fn call_off_start(&mut self, failed: &Write) {
+        let mut is_own = !failed.last;
         let mut i = 0;
         while let Some(next) = self.writes.get(i).copied() {
             if next.servo != failed.servo {
@@ -256,14 +257,13 @@ impl Bus {
                 break;
             }
             is_own &= !next.last;
-            torque |= next.is_motor_on();
             self.writes.remove(i);
             self.counters.writes_failed += 1;
             let off = WriteError::NotTaken(WriteRefused::MotorOff(next.servo));
             self.note(next.servo, next.number, Err(off));
         }
         let servo = &mut self.servos[failed.servo];
-        if torque && (servo.state.may_run || servo.state.torque_enabled == Some(true)) {
+        if servo.state.may_run || servo.state.torque_enabled == Some(true) {
             servo.owe_off();
         }
     }

@@ -313,11 +313,12 @@ impl Bus {
         self.note(write.servo, write.number, Err(error));
         if write.switches_off() {
             self.servos[write.servo].off_failed(is_heard, now_ns);
-        } else if write.address == address::BUS_WATCHDOG || !write.last {
-            self.call_off_torque(&write);
-        } else if write.is_motor_on() && error == WriteError::NotHeld {
-            // It says that its motor is off.
-            self.servos[write.servo].state.may_run = false;
+        } else if !write.is_goal() {
+            if write.is_motor_on() && error == WriteError::NotHeld {
+                // It says that its motor is off.
+                self.servos[write.servo].state.may_run = false;
+            }
+            self.call_off_start(&write);
         }
         false
     }

@@ -228,8 +228,8 @@ impl Bus {
         if let Some(write) = self.writes.remove(at) {
             self.counters.writes_failed += 1;
             self.note(servo, write.number, Err(error));
-            if !write.last {
-                self.call_off_torque(&write);
+            if !write.is_goal() {
+                self.call_off_start(&write);
             }
         }
     }
