@@ -32,7 +32,7 @@ pub(super) fn motor_not_off(joint: usize, name: &str, servo: &ServoState) -> Opt
     off.unconfirmed.then_some(problem)
 }
 
-/// A motor that was switched on here is so no longer, or was left on by a daemon before, and nobody has told it to be off.
+/// A motor that was switched on here is so no longer, or was left on before, and nobody has told it to be off.
 pub(super) fn motor_lost(joint: usize, name: &str, servo: &ServoState) -> Option<Problem> {
     let (what, advice) = match servo.motor_lost? {
         MotorLost::Restarted => (
@@ -49,9 +49,9 @@ pub(super) fn motor_lost(joint: usize, name: &str, servo: &ServoState) -> Option
         ),
         MotorLost::LeftOn => (
             format!(
-                "the motor of servo {name} was left on by a taxeld that was killed, and its watchdog does not stop it while it is read; it is switched off"
+                "the motor of servo {name} was left on by a taxeld that was killed, or by another program, and its watchdog does not stop it while it is read; it is switched off"
             ),
-            "The log says how that taxeld ended",
+            "The log says how the taxeld before ended. Where another program drives it, end one of both",
         ),
         MotorLost::GoneOff => (
             format!("the motor of servo {name} was on and has gone off by itself"),

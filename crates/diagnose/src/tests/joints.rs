@@ -98,7 +98,7 @@ fn a_servo_that_is_silent_late_damaged_hot_or_failed_is_named_with_what_to_do() 
             |v| servo(v, 1).motor_lost = Some(MotorLost::LeftOn),
             |v| servo(v, 1).motor_lost = None,
             &[
-                "the motor of servo 2 was left on by a taxeld that was killed",
+                "the motor of servo 2 was left on by a taxeld that was killed, or by another program",
                 "it is switched off",
                 "enabled anew",
             ],

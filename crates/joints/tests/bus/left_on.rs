@@ -185,3 +185,30 @@ fn a_motor_that_is_switched_on_here_is_not_taken_for_one_that_was_left_on() {
     w.cycles(100);
     assert_eq!((torque_and_watchdog(&w, 1), lost(&w, 0)), ([1, 50], None));
 }
+
+#[test]
+fn a_motor_that_was_left_on_and_that_another_program_switches_on_again_stays_on() {
+    let mut w = watched(2, 1000);
+    leave_on(&mut w, 1, 50);
+    w.bus.port_opened();
+    w.cycles(3);
+    assert_eq!(
+        (torque_and_watchdog(&w, 1), lost(&w, 0)),
+        ([0, 0], Some(MotorLost::LeftOn))
+    );
+    leave_on(&mut w, 1, 50);
+    w.requests.clear();
+    w.cycles(500);
+    assert_eq!(torque_and_watchdog(&w, 1), [1, 50], "it is another's");
+    assert_eq!(lost(&w, 0), None, "it is not switched off");
+    assert!(
+        !w.requests.iter().any(|r| r[7] == 0x83),
+        "nobody is told anything"
+    );
+    // What somebody has asked for here is another matter.
+    w.bus.command(0, WriteCommand::Torque(false)).unwrap();
+    w.cycles(3);
+    leave_on(&mut w, 1, 50);
+    w.cycles(300);
+    assert_eq!(torque_and_watchdog(&w, 1)[0], 0);
+}

@@ -374,9 +374,8 @@ impl Servo {
         self.left_on_asks > 0 && !self.rests()
     }
 
-    /// Its motor is to be off, and it may not have heard that: it is told again as soon as may be.
+    /// Its motor is to be off, and it may not have heard that: it is told so, until it confirms that, as soon as may be.
     pub(crate) fn owe_off(&mut self) {
-        self.is_to_be_off = true;
         self.state.motor_off.unconfirmed = true;
         self.off = Rest::default();
     }

@@ -90,8 +90,11 @@ pub enum MotorLost {
     /// Its Torque Enable (address 64) is 0, and nobody has asked for that here.
     #[error("its motor has gone off by itself, without being told to here")]
     GoneOff,
-    /// It was on, under an armed bus watchdog, when the port was opened, and was not switched on here; so it is switched off.
-    #[error("its motor was left on by a taxeld that was killed, so that it is switched off")]
+    /// It was on, under an armed bus watchdog, when the port was opened, and was not switched on here; so it is switched off,
+    /// once.
+    #[error(
+        "its motor was left on by a taxeld that was killed, or by another program, so that it is switched off"
+    )]
     LeftOn,
 }
 

@@ -72,6 +72,10 @@ impl Bus {
             {
                 self.still_on(servo);
             }
+            // Another program has switched it on again.
+            (Task::State, [1..=u8::MAX, ..]) if !self.servos[servo].state.motor_off.unconfirmed => {
+                self.servos[servo].state.motor_lost = None;
+            }
             (Task::Watchdog, [watchdog]) if self.is_armed(servo) => {
                 let armed = self.watchdog_steps;
                 match *watchdog {
@@ -121,9 +125,15 @@ impl Bus {
             self.refuse(at, WriteError::NotTaken(refused));
         }
         self.servos[servo].state.motor_lost = Some(lost);
+        let servo = &mut self.servos[servo];
         match lost {
-            MotorLost::GoneOff => self.servos[servo].state.may_run = false,
-            _ => self.servos[servo].owe_off(),
+            MotorLost::GoneOff => servo.state.may_run = false,
+            // Once: where it is on again later, another program wants it so.
+            MotorLost::LeftOn => servo.owe_off(),
+            MotorLost::Restarted | MotorLost::Meddled { .. } => {
+                servo.is_to_be_off = true;
+                servo.owe_off();
+            }
         }
     }
 
