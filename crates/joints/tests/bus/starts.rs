@@ -183,3 +183,40 @@ fn a_motor_whose_first_goal_is_given_up_for_its_watchdog_is_not_switched_on_with
     assert_eq!(register(&w, 1, 64, 1), 0);
     assert_eq!(w.bus.command(0, GOAL), Err(WriteRefused::MotorOff(0)));
 }
+
+#[test]
+fn a_watchdog_that_was_armed_for_a_start_that_failed_is_cleared_at_the_end_at_the_latest() {
+    // Its first goal is not taken, or nothing is heard of it any more.
+    for is_heard in [true, false] {
+        let mut w = watched(2, 2540);
+        w.cycles(3);
+        w.bus.numbered_command(1, 0, START).unwrap();
+        w.bus.begin(w.now_ns);
+        while writes(&w) < 3 {
+            assert!(w.turn());
+        }
+        match is_heard {
+            true => w.lost = Box::new(|request| write_of(request).is_some_and(|(_, at, _)| at == 100)),
+            false => w.cut = true,
+        }
+        while w.turn() {}
+        w.cycles(8);
+        let expected = if is_heard {
+            WriteError::NotHeld
+        } else {
+            WriteError::Silent
+        };
+        assert_eq!(w.bus.outcome(0, 1), Some(Err(expected)));
+        let torque_and_watchdog = |w: &World| [64, 98].map(|at| register(w, 1, at, 1));
+        assert_eq!(torque_and_watchdog(&w), [0, if is_heard { 0 } else { 127 }]);
+        assert!(
+            !w.bus.servo(0).unwrap().motor_off.unconfirmed,
+            "it is known to be off"
+        );
+        w.cut = false;
+        w.bus.release_motors();
+        w.cycles(3);
+        assert_eq!(torque_and_watchdog(&w), [0, 0], "{expected}");
+        assert!(!w.bus.has_writes(), "{expected}");
+    }
+}

@@ -165,8 +165,9 @@ pub(crate) struct Servo {
     pub(crate) is_told_off: bool,
     /// Whether it is to be sent that once more, since somebody has asked for it again.
     pub(crate) is_asked_off_again: bool,
-    /// Whether it has said that its watchdog is cleared, and was not told since to arm it.
-    pub(crate) is_disarmed: bool,
+    /// Whether it was told here to arm its watchdog, and has not said since that it is cleared; `None` where nobody knows what it
+    /// was told before.
+    pub(crate) is_armed: Option<bool>,
     pub(crate) watch: Watch,
     /// How often it is still asked with its position, until it says so, whether its motor was left on before the port was opened.
     pub(crate) left_on_asks: u8,
@@ -199,7 +200,7 @@ impl Servo {
             is_to_be_off: false,
             is_told_off: false,
             is_asked_off_again: false,
-            is_disarmed: false,
+            is_armed: None,
             watch: Watch::default(),
             left_on_asks: 0,
             told_bytes: None,
@@ -238,7 +239,9 @@ impl Servo {
         self.left_on_asks = if allow_writes { LEFT_ON_ASKS } else { 0 };
         (self.told_bytes, self.owed, self.usual_ns) = (None, 0, 0);
         (self.withhold, self.double_ns) = (false, [None; 2]);
-        (self.is_told_off, self.is_disarmed) = (false, false);
+        self.is_told_off = false;
+        // Another program may have armed it meanwhile.
+        self.is_armed = self.is_armed.filter(|is_armed| *is_armed);
     }
 
     /// How long it waits before it answers.
@@ -267,7 +270,7 @@ impl Servo {
             }
             address::BUS_WATCHDOG => {
                 self.state.watchdog_tripped = Some(false);
-                self.is_disarmed = value == 0;
+                self.is_armed = Some(value != 0);
                 self.watch = match value {
                     0 => Watch::Unchecked,
                     _ => Watch::Known,
@@ -396,7 +399,14 @@ impl Servo {
             (self.is_to_be_off, self.is_told_off) = (false, false);
         }
         self.is_told_off |= write.switches_off();
-        self.is_disarmed &= write.address != address::BUS_WATCHDOG;
+        if write.is_arming() {
+            self.is_armed = Some(true);
+        }
+    }
+
+    /// Whether it is to be told that its motor is to be off.
+    pub(crate) fn is_owed_off(&self) -> bool {
+        self.state.motor_off.unconfirmed || self.is_asked_off_again
     }
 
     /// Whether its motor is to be told again now to be off.

@@ -224,6 +224,11 @@ impl Write {
         self.address == address::TORQUE_ENABLE && self.data[0] != 0
     }
 
+    /// Whether it arms a watchdog.
+    pub(crate) fn is_arming(&self) -> bool {
+        self.address == address::BUS_WATCHDOG && self.data[0] != 0
+    }
+
     /// Whether it is a goal for a motor that is on, and not the first of a start.
     pub(crate) fn is_goal(&self) -> bool {
         self.address == address::GOAL_PWM && self.last
@@ -257,13 +262,13 @@ impl Write {
         }
     }
 
-    /// Clears the watchdog of a motor that is off.
-    pub(crate) fn disarming(off: &Write) -> Self {
+    /// Clears the watchdog of a motor that is off, for the same command.
+    pub(crate) fn disarming(&self) -> Self {
         Self {
-            number: off.number,
+            number: self.number,
             last: true,
             urgent: true,
-            ..Self::new(off.servo, address::BUS_WATCHDOG, [0])
+            ..Self::new(self.servo, address::BUS_WATCHDOG, [0])
         }
     }
 

@@ -159,19 +159,20 @@ impl Bus {
         self.offs_untold = true;
     }
 
-    /// Has every motor that was switched on with [`Bus::command`], or of which nobody knows whether it is off, switched off,
-    /// and does nothing else any more; one that was still to be switched on stays off, also where a cycle was left before its
-    /// end. Returns for how long they are told so, nanoseconds: half a second or, where that is longer, as long as they may take
-    /// to confirm it one after the other, by what their answers took so far; two seconds at most.
+    /// Has every motor switched off that was switched on with [`Bus::command`], of which nobody knows whether it is off, or whose
+    /// watchdog was armed and not cleared since, and does nothing else any more; one that was still to be switched on stays off,
+    /// also where a cycle was left before its end. Returns for how long they are told so, nanoseconds: half a second or, where
+    /// that is longer, as long as they may take to confirm it one after the other, by what their answers took so far; two seconds
+    /// at most.
     pub fn release_motors(&mut self) -> u64 {
         if std::mem::take(&mut self.pass_active) && self.pass.sent_ns.is_some() {
             self.leave_request();
         }
         self.ends = true;
         for servo in 0..self.servos.len() {
-            let off = self.servos[servo].state.motor_off;
-            if self.will_run(servo) || off.unconfirmed || self.servos[servo].is_asked_off_again {
-                self.switch_off(off.newest, servo);
+            let is_armed = self.servos[servo].is_armed == Some(true);
+            if is_armed || self.will_run(servo) || self.servos[servo].is_owed_off() {
+                self.switch_off(self.servos[servo].state.motor_off.newest, servo);
             }
         }
         let offs = self.writes.iter().filter(|write| write.switches_off());

@@ -261,8 +261,7 @@ impl Bus {
 
     /// Whether writes wait to be sent, or have to be sent again.
     pub fn has_writes(&self) -> bool {
-        let is_owed = |servo: &Servo| servo.state.motor_off.unconfirmed || servo.is_asked_off_again;
-        !self.writes.is_empty() || self.servos.iter().any(is_owed)
+        !self.writes.is_empty() || self.servos.iter().any(Servo::is_owed_off)
     }
 
     /// Forgets what the port held, and what was to be written: the port has been opened anew.

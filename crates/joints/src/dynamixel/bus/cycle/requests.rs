@@ -243,7 +243,7 @@ impl Bus {
     }
 
     /// A start has failed with this write. What is left of it is not told, nor are the goals behind it, and a motor that runs, or
-    /// may by now, is switched off.
+    /// may by now, is switched off. One that is off needs no watchdog, and another program no motor that it stops.
     pub(super) fn call_off_start(&mut self, failed: &Write) {
         let mut is_own = !failed.last;
         let mut i = 0;
@@ -265,6 +265,8 @@ impl Bus {
         let servo = &mut self.servos[failed.servo];
         if servo.state.may_run || servo.state.torque_enabled == Some(true) {
             servo.owe_off();
+        } else if servo.is_armed == Some(true) {
+            self.disarm(failed);
         }
     }
 }

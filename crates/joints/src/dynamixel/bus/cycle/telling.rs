@@ -180,14 +180,19 @@ impl Bus {
             let number = servo.state.motor_off.newest;
             self.note(write.servo, number, Ok(()));
         }
-        let urgent = self.writes.iter().take_while(|write| write.urgent);
-        let servo = &self.servos[write.servo];
-        // Of two with its id the other may be on, so that theirs stay armed.
-        let may_be_armed = !servo.is_disarmed && !servo.is_shared(self.begun_ns);
-        if write.switches_off() && may_be_armed && urgent.clone().all(|other| other.servo != write.servo) {
-            // Its watchdog waits until the others have said that they are off.
-            let behind = urgent.count();
-            self.writes.insert(behind, Write::disarming(&write));
+        if write.switches_off() && self.servos[write.servo].is_armed != Some(false) {
+            self.disarm(&write);
+        }
+    }
+
+    /// Has a servo's watchdog cleared, whose motor is off, behind all that are to be off. Of two with its id the other may be on,
+    /// so that theirs stay armed.
+    pub(super) fn disarm(&mut self, done: &Write) {
+        let mut urgent = self.writes.iter().take_while(|write| write.urgent);
+        let behind = urgent.clone().count();
+        let is_told_more = urgent.any(|write| write.servo == done.servo);
+        if !is_told_more && !self.servos[done.servo].is_shared(self.begun_ns) {
+            self.writes.insert(behind, done.disarming());
         }
     }
 
