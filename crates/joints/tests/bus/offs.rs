@@ -4,7 +4,7 @@ use crate::proof::bits;
 use crate::writes::{register, start, watched};
 use crate::{MS, World};
 use std::ops::Range;
-use taxel_joints::bus::{WriteCommand, WriteError};
+use taxel_joints::bus::{Step, WriteCommand, WriteError};
 use taxel_sim::servo::{AfterSilence, ServoFault};
 
 const OFF: WriteCommand = WriteCommand::Torque(false);
@@ -247,6 +247,11 @@ fn watchdogs_that_offs_overtake_are_cleared_behind_them_in_one_packet() {
 fn told_and_asked(n: u8) -> World {
     let mut w = watched(n, 2540);
     start(&mut w, 0..usize::from(n));
+    tell_and_ask(&mut w, n);
+    w
+}
+
+fn tell_and_ask(w: &mut World, n: u8) {
     for servo in 0..usize::from(n) {
         w.bus.numbered_command(7, servo, OFF).unwrap();
     }
@@ -255,7 +260,6 @@ fn told_and_asked(n: u8) -> World {
         assert!(w.turn());
     }
     w.servos.hang_up();
-    w
 }
 
 /// Servo 1 is told once more to be off, and only then that its watchdog is cleared.
@@ -296,6 +300,35 @@ fn of_two_servos_with_one_id_the_first_that_says_it_is_on_is_not_outdone_by_the_
     assert_eq!([0, 1, 2].map(|servo| is_done(&w, servo)), [false, true, true]);
     is_told_again(&mut w);
     assert!(is_done(&w, 0) && says_off(&w, 0) && !w.bus.has_writes());
+}
+
+#[test]
+fn of_two_servos_that_are_known_to_share_an_id_it_is_said_that_they_are_off_once_both_had_their_time() {
+    for n in [1, 3] {
+        for second in [None, Some(0), Some(1)] {
+            let what = format!("{n}, the second says {second:?}");
+            let mut w = watched(n, 2540);
+            start(&mut w, 0..usize::from(n));
+            w.fault(1, ServoFault::Twice);
+            w.cycles(300);
+            w.servos.set_fault(1, None, 1);
+            tell_and_ask(&mut w, n);
+            (1..=n).for_each(|id| w.say_torque(id, 0));
+            let is_said = |w: &World| {
+                let off = w.bus.servo(0).unwrap().motor_off.written;
+                off.is_some_and(|off| (off.number, off.result) == (7, Ok(())))
+            };
+            assert!(matches!(w.bus.step(w.now_ns), Step::Wait { .. }), "{what}");
+            assert!(!is_said(&w), "{what}");
+            second.into_iter().for_each(|torque| w.say_torque(1, torque));
+            w.requests.clear();
+            while !is_said(&w) {
+                assert!(w.turn(), "{what}");
+            }
+            let told = w.requests.iter().filter(|r| (r[7], r[8]) == (0x83, TORQUE));
+            assert_eq!(told.count(), usize::from(second == Some(1)), "{what}: told again");
+        }
+    }
 }
 
 #[test]

@@ -355,7 +355,7 @@ impl Bus {
             if self.pass.sent_ns.is_none() {
                 return Step::Send;
             }
-            if !self.pass.is_complete() {
+            if !self.is_complete() {
                 let until_ns = self.deadline_ns();
                 if now_ns < until_ns {
                     return Step::Wait { until_ns };
@@ -368,6 +368,13 @@ impl Bus {
             }
             self.end_pass(now_ns);
         }
+    }
+
+    /// Whether nothing more is expected. Where two servos are known to have one id, both are to say what they hold.
+    fn is_complete(&self) -> bool {
+        let is_shared = |servo: &usize| self.servos[*servo].is_shared(self.begun_ns);
+        let may_say_more = self.pass.kind == Kind::ReadBack && self.pass.order.iter().any(is_shared);
+        self.pass.is_complete() && !may_say_more
     }
 
     /// Only now, since a second answer may have shown that the first was none.

@@ -148,7 +148,10 @@ impl Bus {
         if self.pass.order.len() == 1 {
             self.pass.refused = self.pass.refused.or(refused);
         } else if held {
-            self.end_held(at);
+            // Of two servos that are known to share an id, once both had their time.
+            if !(self.writes[at].urgent && self.servos[servo].is_shared(self.begun_ns)) {
+                self.end_held(at);
+            }
         } else if !self.writes[at].urgent {
             self.end_goal(at, WriteError::NotHeld);
         }
@@ -236,6 +239,10 @@ impl Bus {
                 return;
             };
             let stays = match self.pass.answers[position] {
+                Answer::Got if self.pass.held[position] == Some(true) => {
+                    self.end_held(at);
+                    false
+                }
                 Answer::Got => self.told_in_vain(at, write.not_held(), now_ns),
                 Answer::Damaged => self.told_in_vain(at, WriteError::Damaged, now_ns),
                 Answer::Awaited if self.pass.is_silent(position) => {
