@@ -89,9 +89,11 @@ def successive_variance(samples, kept):
     return np.sum(steps * steps / 2.0, axis=0) / max(1, len(steps))
 
 
-def wanders(variance, noise):
-    """Whether samples of this variance, and of so much from one to the next, vary far more slowly than noise."""
-    return bool(variance > WANDER_COUNTS**2 and variance > WANDER_VARIANCES * noise)
+def wanders(variance, noise, step):
+    """Whether samples of this variance, and of so much from one to the next, vary far more slowly than noise, and by more than
+    a step."""
+    least = max(WANDER_COUNTS, float(np.max(step)))
+    return bool(variance > least * least and variance > WANDER_VARIANCES * noise)
 
 
 def judge_movement(rest):
@@ -115,9 +117,12 @@ def judge_movement(rest):
 
 
 def variances(samples, step):
-    """Of (T, 3) samples, outliers left out: variance, the one from sample to sample, their mean, and how far they go."""
+    """Of (T, 3) samples, outliers left out: variance, the one from sample to sample, their mean, and how far they go. Both
+    variances are of the same samples, those with a neighbour that is no outlier either."""
     kept, mean, peak = usual(samples, step)
-    variance = np.sum((samples[kept] - mean) ** 2) / max(1, np.sum(kept))
+    off = np.sum((samples - mean) ** 2, axis=1)
+    pairs = kept[1:] & kept[:-1]
+    variance = np.sum((off[1:] + off[:-1])[pairs] / 2.0) / max(1, np.sum(pairs))
     return variance, np.sum(successive_variance(samples, kept)), mean, peak
 
 
@@ -127,7 +132,7 @@ class Half:
     def __init__(self, samples, step, noise, level, peak):
         variance, own_noise, self.baseline, self.peak = variances(samples, step)
         self.is_slow = bool(variance > SLOW_VARIANCES * own_noise)
-        self.wanders = wanders(variance, own_noise)
+        self.wanders = wanders(variance, own_noise, step)
         self.noise_peak = 0.0
         n = len(samples)
         parts = min(n // NOISE_SAMPLES, NOISE_PARTS)
@@ -147,7 +152,7 @@ class Rest:
         samples = np.asarray(samples, dtype=np.float64)
         kept, self.baseline, self.peak = usual(samples, step)
         total, noise, _, _ = variances(samples, step)
-        self.wanders = wanders(total, noise)
+        self.wanders = wanders(total, noise, step)
         self.step = int(np.max(step))
         self.constant = bool(np.all(samples == samples[0]))
         variance = successive_variance(samples, kept)
@@ -215,7 +220,7 @@ class RobustConditioner:
         noisy = noise > max(median + NOISE_SIGMAS * sigma, floor)
         # There is no way back from these here: the tests' frames have none.
         self.faulty = ~alive | noisy
-        moved = judge_movement([r for r, a in zip(rest, alive) if a])
+        moved = judge_movement([r for r, u in zip(rest, usable) if u])
         self.baseline = np.array([r.baseline for r in rest])
         self.rested_at = self.baseline.copy()
         healthy = usable & ~noisy

@@ -22,7 +22,7 @@ const TOUCH_SAMPLES: usize = 8;
 const SLOW_VARIANCES: f64 = 3.0;
 /// ... and wander where it is more than this many times as much: in noise it is so of no taxel, filtered though it be.
 const WANDER_VARIANCES: f64 = 12.0;
-/// ... and their spread is more than this, counts: what wanders less moves no threshold far.
+/// ... and their spread is more than this, counts, and than a step: what wanders less moves no threshold far.
 const WANDER_COUNTS: f64 = 20.0;
 /// Noise is looked for in parts of a half of the window that have so many samples at least,
 const NOISE_SAMPLES: usize = 10;
@@ -197,6 +197,7 @@ impl Windows {
         idle.wanders = wanders(
             usual.variance(samples, usual.rest(samples, None, mode).baseline),
             noise,
+            idle.step,
         );
         idle.touched = kept >= TOUCH_SAMPLES
             && (0..3).any(|a| {
@@ -216,7 +217,7 @@ impl Windows {
                 Half {
                     rest,
                     is_slow: variance > SLOW_VARIANCES * noise,
-                    wanders: wanders(variance, noise),
+                    wanders: wanders(variance, noise, idle.step),
                     noise_peak: parts
                         .map(|part| {
                             let usual = Usual::of(part, steps, outlier_sigmas, &mut self.scratch);
@@ -280,14 +281,18 @@ impl Usual {
         squares.map(|s| s / f64::from(pairs.max(1)))
     }
 
-    /// Sum of the axes' variances, outliers left out.
+    /// Sum of the axes' variances, of the pairs of samples that [`Usual::successive_variance`] is of: of noise of which most is
+    /// outliers, what is left is alone, and would be movement without that.
     fn variance(&self, samples: &[[i32; 3]], mean: [f64; 3]) -> f64 {
-        let (mut squares, mut used) = (0.0, 0u32);
-        for s in samples.iter().filter(|s| self.keeps(s)) {
-            used += 1;
-            squares += (0..3).map(|a| (f64::from(s[a]) - mean[a]).powi(2)).sum::<f64>();
+        let (mut squares, mut pairs) = (0.0, 0u32);
+        let far = |s: &[i32; 3]| (0..3).map(|a| (f64::from(s[a]) - mean[a]).powi(2)).sum::<f64>();
+        for pair in samples.windows(2) {
+            if self.keeps(&pair[0]) && self.keeps(&pair[1]) {
+                pairs += 1;
+                squares += (far(&pair[0]) + far(&pair[1])) / 2.0;
+            }
         }
-        squares / f64::from(used.max(1))
+        squares / f64::from(pairs.max(1))
     }
 
     /// How far the samples go from their mean, outliers left out, where they are noisier than those `over` the window, of
@@ -330,9 +335,11 @@ impl Usual {
     }
 }
 
-/// Whether samples of this variance, and of so much from one to the next, vary far more slowly than noise.
-fn wanders(variance: f64, noise: f64) -> bool {
-    variance > WANDER_COUNTS * WANDER_COUNTS && variance > WANDER_VARIANCES * noise
+/// Whether samples of this variance, and of so much from one to the next, vary far more slowly than noise. On the edge of a
+/// step they may rest above it for long, and then below.
+fn wanders(variance: f64, noise: f64, step: u32) -> bool {
+    let least = WANDER_COUNTS.max(f64::from(step));
+    variance > least * least && variance > WANDER_VARIANCES * noise
 }
 
 /// Largest difference between the medians of the window's four quarters on one axis.

@@ -31,7 +31,10 @@ impl Conditioner {
     /// a few did, only where these are.
     pub(super) fn judge_movement(&mut self) {
         let taxels = self.baseline.len();
-        let used = |n: &usize| self.taxels[*n].has_baseline && self.taxels[*n].standing.is_empty();
+        let used = |n: &usize| {
+            let taxel = &self.taxels[*n];
+            taxel.has_baseline && taxel.standing.is_empty() && !self.calibration.idle[*n].constant
+        };
         let used = || (0..taxels).filter(used);
         let are_most = |count: usize| 2 * count > used().count();
         let moved = (0..2).find(|half| are_most(used().filter(|n| self.moves(*n, *half)).count()));

@@ -80,11 +80,16 @@ struct NoisyHand<S: Fn(usize, f64) -> f64> {
 
 impl<S: Fn(usize, f64) -> f64> NoisyHand<S> {
     fn calibrated(rate_hz: u64, inertia: f64, sigma: S) -> Self {
+        Self::calibrated_of(11, rate_hz, inertia, sigma)
+    }
+
+    /// ... with other noise for each seed.
+    fn calibrated_of(seed: u64, rate_hz: u64, inertia: f64, sigma: S) -> Self {
         let mut noisy = Self {
             hand: Skin::new(TAXELS, rate_hz, ConditionConfig::robust()),
             sigma,
             inertia,
-            normal: Normal { seed: 11 },
+            normal: Normal { seed },
             noise: vec![[0.0; 3]; TAXELS],
             t: 0.0,
         };
@@ -332,4 +337,59 @@ fn contact_is_above_normal_noise_that_begins_while_a_hand_is_calibrated() {
             assert!(share < 0.02, "{case}: {share} of the frames with contacts");
         }
     }
+}
+
+#[test]
+fn noise_of_any_strength_in_a_part_of_the_time_a_hand_is_calibrated_in_is_no_movement() {
+    for (begin_s, end_s) in [(0.0, 0.4), (0.5, 1.0), (0.9, 9.0), (1.1, 9.0)] {
+        for loud in [10.0, 20.0, 40.0, 80.0] {
+            for rate_hz in [60, 200] {
+                let sigma = |_: usize, t: f64| if t >= begin_s && t < end_s { loud } else { 2.0 };
+                let told: Vec<_> = (0..10)
+                    .map(|seed| moved(&NoisyHand::calibrated_of(seed, rate_hz, 0.0, sigma).hand))
+                    .filter(|moved| *moved != Movement::None)
+                    .collect();
+                let case = format!("noise of {loud} from {begin_s} to {end_s} s at {rate_hz} Hz");
+                assert!(told.is_empty(), "{case}: {told:?}");
+            }
+        }
+    }
+}
+
+#[test]
+fn dead_taxels_are_none_of_those_of_which_most_move() {
+    let mut hand = Skin::new(TAXELS, RATE_HZ, ConditionConfig::robust());
+    let rest = hand.truth.clone();
+    let mut t = 0.0;
+    while hand.conditioner.is_calibrating() {
+        for (n, truth) in hand.truth.iter_mut().enumerate() {
+            let is_dead = n >= 7;
+            truth[2] = rest[n][2] + if is_dead { 0 } else { (200.0 * t) as i32 };
+            hand.noise[n] = [if is_dead { 0 } else { 2 }; 3];
+        }
+        hand.step_with(|_| {});
+        t += 1.0 / RATE_HZ as f64;
+    }
+    assert_eq!(moved(&hand), Movement::InBothHalves);
+}
+
+#[test]
+fn a_still_taxel_on_the_edge_of_a_step_does_not_move() {
+    // In steps of 128 counts: noise takes most taxels up by one now and then, and the first for good, halfway.
+    let mut hand = Skin::new(TAXELS, 100, ConditionConfig::robust());
+    hand.noise.fill([0; 3]);
+    let mut normal = Normal { seed: 3 };
+    let mut frames = 0;
+    while hand.conditioner.is_calibrating() {
+        hand.step_with(|frame| {
+            for (n, counts) in frame.counts.iter_mut().enumerate() {
+                for count in counts {
+                    let is_above = if n == 0 { frames > 75 } else { normal.next() > 0.7 };
+                    *count = *count / 128 * 128 + if is_above { 128 } else { 0 };
+                }
+            }
+        });
+        frames += 1;
+    }
+    assert_eq!(moved(&hand), Movement::None);
 }
