@@ -151,8 +151,6 @@ impl Actuators {
 
     /// From where the actuators were, [`Kmeans2d`], each group of parts on its own.
     fn follow(&mut self, profile: &Profile, contacts: &Contacts, levels: &Levels, out: &mut Vec<Actuator>) {
-        self.heights.raise(contacts, profile.force_distance * self.pitch);
-        let heights = self.heights.get();
         let mut x = &contacts.x;
         if profile.parts_apart {
             let parts = contacts.x.iter().zip(&contacts.part);
@@ -161,44 +159,44 @@ impl Actuators {
                 .extend(parts.map(|(x, part)| x + PART_DISTANCE * f64::from(*part)));
             x = &self.apart;
         }
+        let points = Plane { x, y: &contacts.y };
+        let weighted = profile.force_weighted;
+        let asks = match &mut self.groups[..] {
+            [all] => all.follower.asks_for_heights(&contacts.rank, weighted),
+            groups => {
+                Self::share_out(groups, &self.group_of_part, contacts, points);
+                let asks = |group: &Group| group.follower.asks_for_heights(&group.key, weighted);
+                groups.iter().any(asks)
+            }
+        };
+        self.heights.clear();
+        // In most frames of a contact that is held nobody asks.
+        if asks && profile.force_distance > 0.0 {
+            self.heights.raise(contacts, profile.force_distance * self.pitch);
+        }
         if let [all] = &mut self.groups[..] {
-            let points = Plane { x, y: &contacts.y };
-            let weights = profile.force_weighted.then_some(&contacts.force[..]);
-            let heights = (!heights.is_empty()).then_some(heights);
-            let clusters = all.follower.follow(points, &contacts.rank, weights, heights);
+            let weights = weighted.then_some(&contacts.force[..]);
+            let clusters = all
+                .follower
+                .follow(points, &contacts.rank, weights, self.heights.get());
             self.cluster.clear();
             self.cluster.extend_from_slice(clusters.labels);
             // A budget for the only part may be less than all actuators.
             self.member[..clusters.member.len()].copy_from_slice(clusters.member);
         } else {
-            let y = &contacts.y;
-            Self::share_out(
-                &mut self.groups,
-                &self.group_of_part,
-                contacts,
-                Plane { x, y },
-                heights,
-            );
-            self.follow_groups(profile.force_weighted, contacts.len());
+            self.follow_groups(weighted, contacts.len());
         }
         self.press(profile, contacts, levels, out);
     }
 
     /// Gives each group the contacts of its parts.
-    fn share_out(
-        groups: &mut [Group],
-        group_of_part: &[usize],
-        contacts: &Contacts,
-        at: Plane<'_>,
-        heights: &[f64],
-    ) {
+    fn share_out(groups: &mut [Group], group_of_part: &[usize], contacts: &Contacts, at: Plane<'_>) {
         for group in groups.iter_mut() {
             group.contact.clear();
             group.x.clear();
             group.y.clear();
             group.key.clear();
             group.force.clear();
-            group.height.clear();
         }
         for n in 0..contacts.len() {
             let group = &mut groups[group_of_part[usize::from(contacts.part[n])]];
@@ -207,7 +205,6 @@ impl Actuators {
             group.y.push(at.y[n]);
             group.key.push(contacts.rank[n]);
             group.force.push(contacts.force[n]);
-            group.height.extend(heights.get(n));
         }
     }
 
@@ -221,7 +218,13 @@ impl Actuators {
                 y: &group.y,
             };
             let weights = force_weighted.then_some(&group.force[..]);
-            let heights = (!group.height.is_empty()).then_some(&group.height[..]);
+            let heights = self.heights.get().map(|all| {
+                group.height.clear();
+                group
+                    .height
+                    .extend(group.contact.iter().map(|n| all[*n as usize]));
+                &group.height[..]
+            });
             let clusters = group.follower.follow(points, &group.key, weights, heights);
             for (n, label) in group.contact.iter().zip(clusters.labels) {
                 self.cluster[*n as usize] = group.first_id + label;

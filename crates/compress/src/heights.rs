@@ -34,18 +34,23 @@ impl Heights {
         }
     }
 
-    /// Of the contacts in the order of their list; empty where they have none.
-    pub(crate) fn get(&self) -> &[f64] {
-        &self.height
+    /// Of the contacts in the order of their list, where they have any.
+    pub(crate) fn get(&self) -> Option<&[f64]> {
+        (!self.height.is_empty()).then_some(&self.height)
     }
 
-    /// Raises each contact by how far its force is above the least: by `pitch` for [`STEPS_A_PITCH`] steps between
-    /// neighbours. Where forces do not differ, or with a pitch of 0, there are no heights.
-    pub(crate) fn raise(&mut self, contacts: &Contacts, pitch: f64) {
+    /// Leaves the contacts without heights.
+    pub(crate) fn clear(&mut self) {
         self.height.clear();
+    }
+
+    /// Raises each contact by how far its force is above the least: by `pitch`, which is above 0, for [`STEPS_A_PITCH`] steps
+    /// between neighbours. Where forces do not differ, there are no heights.
+    pub(crate) fn raise(&mut self, contacts: &Contacts, pitch: f64) {
+        self.clear();
         let forces = &contacts.force;
         let (least, most) = ends(forces);
-        if pitch > 0.0 && most > least {
+        if most > least {
             // No less than a way from the least force to the greatest by all contacts would have. So heights are finite.
             let step = self.step(contacts).max((most - least) / forces.len() as f64);
             let scale = pitch / (STEPS_A_PITCH * step);

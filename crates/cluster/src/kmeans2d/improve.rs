@@ -90,9 +90,16 @@ impl Kmeans2d {
         if self.assignment.len() <= self.x.len() {
             return false;
         }
+        let looks = self.looks_further_next();
         self.patience = self.patience.saturating_add(1);
         self.quiet = self.quiet.saturating_add(1);
-        self.quiet <= FIRST_FRAMES || self.quiet.is_multiple_of(QUIET_FRAMES)
+        looks
+    }
+
+    /// Whether the next frame, if it has the points of this one, is used to look further.
+    pub(super) fn looks_further_next(&self) -> bool {
+        let quiet = self.quiet.saturating_add(1);
+        quiet <= FIRST_FRAMES || quiet.is_multiple_of(QUIET_FRAMES)
     }
 
     /// Moves points by their new heights and tries more swaps. Says whether anything has changed.

@@ -243,6 +243,24 @@ impl Kmeans2d {
         self.stands.forget();
     }
 
+    /// Whether heights of points with these keys, and with weights or without, would change anything in the next frame. Not
+    /// with as many clusters as points, nor in a frame without changes that tries no further swaps.
+    pub fn asks_for_heights(&self, keys: &[u16], weighted: bool) -> bool {
+        keys.len() > self.x.len()
+            && (self.searches_with_heights(keys) || !weighted)
+            && (!self.is_resting(keys, weighted) || self.looks_further_next())
+    }
+
+    /// Whether heights of so many points are a third coordinate.
+    fn searches_with_heights(&self, keys: &[u16]) -> bool {
+        keys.len() <= MOST_RAISED * self.x.len()
+    }
+
+    /// Whether the points are those of the last frame, which left nothing to do.
+    fn is_resting(&self, keys: &[u16], weighted: bool) -> bool {
+        self.settled && !weighted && self.keys == keys
+    }
+
     /// Clusters the points of the next frame.
     ///
     /// `keys` names the points: a key is always at the same place, and in a frame at most once.
@@ -272,12 +290,11 @@ impl Kmeans2d {
             weights.is_none_or(|w| w.len() == points.len()),
             "one weight per point"
         );
-        let (raised, traded) = if points.len() <= MOST_RAISED * self.x.len() {
-            (heights, None)
-        } else {
-            (None, heights.filter(|_| weights.is_none()))
+        let (raised, traded) = match self.searches_with_heights(keys) {
+            true => (heights, None),
+            false => (None, heights.filter(|_| weights.is_none())),
         };
-        let resting = self.settled && weights.is_none() && self.keys == keys;
+        let resting = self.is_resting(keys, weights.is_some());
         if resting {
             if !self.looks_further() {
                 return self.clusters();
