@@ -28,6 +28,8 @@ pub struct Seen {
     hello: Option<Hello>,
     hand: Option<Arc<Hand>>,
     status: Option<Status>,
+    /// What whoever plays a recording has found to be wrong, and since when.
+    found: Option<(ProblemStatus, u64)>,
     latency_ns: Histogram<u64>,
     arrivals: Arrivals,
     first_ns: u64,
@@ -81,6 +83,7 @@ impl Seen {
             hello: None,
             hand: None,
             status: None,
+            found: None,
             latency_ns: Histogram::new_with_bounds(1, 10_000_000_000, 2).expect("bounds of a histogram"),
             arrivals: Arrivals::default(),
             first_ns: 0,
@@ -227,6 +230,11 @@ impl Seen {
             self.paused = status.paused;
             self.status = Some(status);
         }
+    }
+
+    /// What is wrong from this time on, found by whoever plays a recording, in which no daemon looks; `None` where it is over.
+    pub fn set_problem(&mut self, problem: Option<ProblemStatus>, t_ns: u64) {
+        self.found = problem.map(|problem| (problem, t_ns));
     }
 
     /// Something that the daemon tells people.
@@ -391,7 +399,15 @@ impl Seen {
 
     /// Errors before warnings; none before somebody has told of any.
     fn problems(&self) -> Option<Vec<ProblemStatus>> {
-        let mut problems = self.status.as_ref()?.problems.clone();
+        let found = self.found.as_ref().map(|(problem, t_ns)| ProblemStatus {
+            since_s: seconds(self.newest.t_ns.saturating_sub(*t_ns)),
+            ..problem.clone()
+        });
+        let told = self.status.as_ref().map(|status| status.problems.clone());
+        let mut problems = match (told, found) {
+            (None, None) => return None,
+            (told, found) => told.into_iter().flatten().chain(found).collect::<Vec<_>>(),
+        };
         problems.sort_by_key(|problem| !problem.severe);
         Some(problems)
     }

@@ -6,5 +6,6 @@ pub(crate) mod held_to_the_end;
 pub(crate) mod input;
 pub(crate) mod magnitudes;
 pub(crate) mod marks_file;
+pub(crate) mod movement;
 pub(crate) mod offline;
 pub(crate) mod out_of_use;

@@ -2,7 +2,7 @@
 
 use super::held_to_the_end::HeldToTheEnd;
 use super::input::{DEFAULT_LAYOUT, Input, InputArgs, number, pair};
-use super::magnitudes;
+use super::{magnitudes, movement};
 use crate::errors::wrong_use;
 use crate::offered::offering;
 use crate::piped_file::text_parser;
@@ -304,40 +304,11 @@ impl OfflineArgs {
                 run_traffic(traffic, &interfaces, &engine, changes, &mut emit_held)?;
             }
         }
-        self.tell_movement(moved, threshold, config);
+        if let Some(told) = movement::told(moved, threshold, config) {
+            remark!("taxel: {}: {told}", self.input.name());
+        }
         held.say(&self.input.name());
         Ok(())
-    }
-
-    /// Says what moved while the hand was calibrated, and what follows from it.
-    fn tell_movement(&self, moved: Movement, threshold: f64, config: &Config) {
-        let what: String = match moved {
-            Movement::None => return,
-            Movement::Taxels(1) => "a taxel moved while the hand was calibrated, or was touched: it may show contacts that are none, \
-                                    or miss some"
-                .into(),
-            Movement::Taxels(count) => format!(
-                "{count} taxels moved while the hand was calibrated, or were touched: they may show contacts that are none, or miss \
-                 some"
-            ),
-            Movement::InOneHalf => {
-                "the hand moved while it was calibrated, or was touched: it rests as in the quieter half of that time".into()
-            }
-            Movement::InBothHalves => {
-                let unit = match config.conditioning.magnitude.is_squared() {
-                    true => "counts squared",
-                    false => "counts",
-                };
-                format!(
-                    "the hand moved in both halves of the time in which it was calibrated, or was touched: its contact threshold, \
-                     {threshold:.0} {unit}, is of that movement, and lighter touches are missed"
-                )
-            }
-        };
-        remark!(
-            "taxel: {}: {what}; begin with a hand that is still, or measure for less time with --calibration-ms",
-            self.input.name()
-        );
     }
 
     /// Magnitudes have been through sweep assembly and conditioning, whatever these were.

@@ -53,7 +53,8 @@ longest_gap_s is the longest between two that came, age_s how long ago the newes
 Null are rates and the gap where one image came alone, age_s of a recording, latencies where images
 have no time of this machine's clock, calibrated_s where the end of a calibration was not seen,
 joints_known_ratio without joints, gone while the daemon is there (else why it is not), and paused
-and problems where nobody has told; else problems are those of `taxel status --json`.
+and problems where nobody has told; else problems are those of `taxel status --json`, of a
+recording that alone of a hand that moved while it was calibrated.
 
 Examples:
   taxel view                           the daemon on this machine

@@ -2,16 +2,20 @@
 
 use super::{Sheet, Source, lock, look, summary};
 use crate::recordings::input::Input;
+use crate::recordings::movement;
 use crate::recordings::offline::OfflineArgs;
 use crate::terminal;
 use anyhow::{Context, bail};
 use std::sync::{Arc, Condvar, Mutex, MutexGuard};
 use std::time::{Duration, Instant};
+use taxel_diagnose::{Kind, Severity};
 use taxel_engine::Display;
 use taxel_hand::{ForceFrame, Freshness, TactileFrame, TactileImage};
 use taxel_playback::interrupt::Interrupt;
 use taxel_playback::remarks::Remarks;
+use taxel_skin::Movement;
 use taxel_view::{Action, Heading, Screen, Seen};
+use taxel_wire::status::ProblemStatus;
 use taxel_wire::{Clock, Header, Hello, HelloRate, ImageView, RawView};
 use taxel_wire::{encode_image_payload, encode_raw_payload};
 
@@ -161,7 +165,12 @@ impl Player {
             force_unit: if of_magnitudes { "" } else { config.force_unit() }.into(),
             ..hello
         };
-        lock(&self.seen).see_hello(&hello, 0);
+        {
+            let mut seen = lock(&self.seen);
+            seen.see_hello(&hello, 0);
+            seen.set_problem(None, 0);
+        }
+        let mut moved = Movement::None;
         let mut payload = Vec::new();
         let mut counts = TactileFrame::new(geometry.len());
         counts.freshness.fill(Freshness::Fresh);
@@ -170,6 +179,11 @@ impl Player {
         recording.run(&input, &config, &mut |felt| {
             let force = felt.force;
             self.wait_until(force.t_ns)?;
+            if let Some(measured) = felt.measured.filter(|measured| measured.moved != moved) {
+                moved = measured.moved;
+                let told = movement::told(moved, force.threshold, &config);
+                lock(&self.seen).set_problem(told.map(baseline_moved), force.t_ns);
+            }
             let image = display.image_of(force, felt.joints);
             match felt.measured {
                 Some(measured) => self.see(
@@ -236,6 +250,17 @@ impl Player {
             let woken = self.changed.wait_timeout(pace, wait);
             pace = woken.unwrap_or_else(|e| e.into_inner()).0;
         }
+    }
+}
+
+/// The problem of a hand that moved while it was calibrated, as its daemon would have it.
+fn baseline_moved(sentence: String) -> ProblemStatus {
+    let kind = Kind::BaselineMoved;
+    ProblemStatus {
+        kind: kind.name().into(),
+        severe: kind.severity() == Severity::Error,
+        sentence,
+        ..ProblemStatus::default()
     }
 }
 

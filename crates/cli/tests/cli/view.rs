@@ -1,6 +1,7 @@
 //! `taxel view` without a terminal, and `taxel layouts`.
 
 use crate::{fails, simulated, succeeds};
+use ndarray::Array3;
 use serde_json::{Value, json};
 use taxel_skin::Layout;
 use tempfile::TempDir;
@@ -75,6 +76,50 @@ fn without_a_terminal_a_recording_is_read_to_its_end_and_summed_up() {
         let short = [&["view", "tap.log", "--seconds", "0.001"], as_json].concat();
         let err = fails(&dir, &short, 1);
         assert!(err.contains("tap.log: no image came"), "{err}");
+    }
+}
+
+#[test]
+fn a_hand_of_a_recording_that_moves_while_it_is_calibrated_has_that_among_its_problems() {
+    let dir = TempDir::new().unwrap();
+    for (file, moves) in [("still.npy", false), ("moved.npy", true)] {
+        let counts = Array3::from_shape_fn((120, 16, 3), |(t, n, axis)| {
+            let moved = if moves { 3 * t.clamp(20, 70) } else { 0 };
+            (20_000 + (7 * t + 5 * n + 3 * axis) % 4 + moved) as u16
+        });
+        ndarray_npy::write_npy(dir.path().join(file), &counts).unwrap();
+        let view = ["view", file, "--layout", "grid:4x4", "--rate", "60"];
+        let object = |more: &[&str]| -> Value {
+            serde_json::from_str(&succeeds(&dir, &[&view[..], &["--json"], more].concat()).0).unwrap()
+        };
+        let problems = object(&[])["problems"].clone();
+        // While it is calibrated nothing is known.
+        assert_eq!(object(&["--seconds", "1"])["problems"], Value::Null);
+        let svg = succeeds(&dir, &[&view[..], &["--svg", "-", "--size", "200x60"]].concat()).0;
+        let text = succeeds(&dir, &view).0;
+        if !moves {
+            assert_eq!(problems, Value::Null);
+            assert!(svg.contains("not looked for in a recording"), "{svg}");
+            continue;
+        }
+        let (problem, told) = (&problems[0], "the hand moved in both halves of the time");
+        assert_eq!(
+            (&problem["kind"], &problem["severe"]),
+            (&json!("baseline-moved"), &json!(false))
+        );
+        let sentence = problem["sentence"].as_str().unwrap();
+        assert!(
+            sentence.starts_with(told) && sentence.contains("its contact threshold, "),
+            "{sentence}"
+        );
+        // Since the calibration ended.
+        let since_s = problem["since_s"].as_f64().unwrap();
+        assert!((0.1..0.5).contains(&since_s), "{since_s}");
+        assert!(
+            svg.contains("problems: 1") && svg.contains("the hand moved in both"),
+            "{svg}"
+        );
+        assert!(text.contains(&format!("problem    {sentence}\n")), "{text}");
     }
 }
 

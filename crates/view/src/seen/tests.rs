@@ -340,6 +340,30 @@ fn a_summary_says_where_nobody_has_looked_for_problems() {
     assert_eq!(problems(&recorded).as_deref(), Some(unlooked));
 }
 
+#[test]
+fn what_is_found_wrong_in_a_recording_is_a_problem_until_it_is_over() {
+    let mut seen = Seen::new();
+    let clock = Clock::Recording;
+    seen.see_hello(&Hello { clock, ..hello() }, 0);
+    see(&mut seen, 0, 0, 10.0);
+    let sentence = "the hand moved".to_owned();
+    let problem = ProblemStatus {
+        sentence,
+        ..ProblemStatus::default()
+    };
+    seen.set_problem(Some(problem), SECOND_NS);
+    see(&mut seen, 100, 0, 10.0);
+    let told = seen.problems().unwrap();
+    assert_eq!((told.len(), told[0].since_s), (1, 2.0));
+    let picture = seen.picture(&Screen::of_recording(), 0).unwrap();
+    assert_eq!(picture.problems, Some(told));
+    let summary = seen.summary(0, None).to_string();
+    assert!(summary.contains("problem    the hand moved\n"), "{summary}");
+    assert!(!summary.contains("not looked for"), "{summary}");
+    seen.set_problem(None, 4 * SECOND_NS);
+    assert_eq!(seen.problems(), None);
+}
+
 /// A raw frame of the hand at so many seconds, with one taxel touched or none.
 fn see_touch(seen: &mut Seen, second: u64, touched: Option<usize>) {
     let taxels = seen.hand().unwrap().len();
