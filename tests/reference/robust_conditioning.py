@@ -120,9 +120,9 @@ def variances(samples, step):
     """Of (T, 3) samples, outliers left out: variance, the one from sample to sample, their mean, and how far they go. Both
     variances are of the same samples, those with a neighbour that is no outlier either."""
     kept, mean, peak = usual(samples, step)
-    off = np.sum((samples - mean) ** 2, axis=1)
     pairs = kept[1:] & kept[:-1]
-    variance = np.sum((off[1:] + off[:-1])[pairs] / 2.0) / max(1, np.sum(pairs))
+    both = np.concatenate([samples[:-1][pairs], samples[1:][pairs]])
+    variance = np.sum((both - np.mean(both, axis=0)) ** 2) / len(both) if len(both) else 0.0
     return variance, np.sum(successive_variance(samples, kept)), mean, peak
 
 
@@ -135,7 +135,7 @@ class Half:
         self.wanders = wanders(variance, own_noise, step)
         self.noise_peak = 0.0
         n = len(samples)
-        parts = min(n // NOISE_SAMPLES, NOISE_PARTS)
+        parts = min(max(n // NOISE_SAMPLES, 1), NOISE_PARTS)
         for part in range(parts):
             of = samples[part * n // parts : (part + 1) * n // parts]
             part_variance, part_noise, part_level, part_peak = variances(of, step)
@@ -163,8 +163,10 @@ class Rest:
         quarters = [np.median(samples[q * n // 4 : (q + 1) * n // 4], axis=0) for q in range(4 if n >= 8 else 1)]
         shift = np.max(quarters, axis=0) - np.min(quarters, axis=0)
         self.touched = bool(np.any(shift > np.maximum(TOUCH_COUNTS, TOUCH_SIGMAS * np.sqrt(variance))))
-        # Under a touch, what presses trembles.
-        self.noise_peak = 0.0 if self.touched else max((half.noise_peak for half in self.halves), default=0.0)
+        # Under a touch, what presses trembles. Loud noise takes the level of a quarter as far, as outliers.
+        raw = successive_variance(samples, np.ones(n, dtype=bool))
+        pressed = np.any(shift > np.maximum(TOUCH_COUNTS, TOUCH_SIGMAS * np.sqrt(raw)))
+        self.noise_peak = 0.0 if pressed else max((half.noise_peak for half in self.halves), default=0.0)
 
     def moves(self, half):
         """Whether the taxel moves in this half of the window, and not in the other."""

@@ -24,7 +24,7 @@ const SLOW_VARIANCES: f64 = 3.0;
 const WANDER_VARIANCES: f64 = 12.0;
 /// ... and their spread is more than this, counts, and than a step: what wanders less moves no threshold far.
 const WANDER_COUNTS: f64 = 20.0;
-/// Noise is looked for in parts of a half of the window that have so many samples at least,
+/// Noise is looked for in parts of a half of the window that have so many samples at least, or in the half,
 const NOISE_SAMPLES: usize = 10;
 /// ... in at most so many of them.
 const NOISE_PARTS: usize = 4;
@@ -194,16 +194,16 @@ impl Windows {
         let variance = usual.successive_variance(samples);
         let noise = variance.iter().sum::<f64>();
         idle.noise_counts = noise.sqrt();
-        idle.wanders = wanders(
-            usual.variance(samples, usual.rest(samples, None, mode).baseline),
-            noise,
-            idle.step,
-        );
-        idle.touched = kept >= TOUCH_SAMPLES
-            && (0..3).any(|a| {
-                let shift = level_shift(samples, a, &mut self.scratch);
-                shift > TOUCH_FLOOR_COUNTS.max(TOUCH_SIGMAS * variance[a].sqrt())
-            });
+        idle.wanders = wanders(usual.variance(samples), noise, idle.step);
+        let shift = match kept >= TOUCH_SAMPLES {
+            true => std::array::from_fn(|a| level_shift(samples, a, &mut self.scratch)),
+            false => [0.0; 3],
+        };
+        let is_above = |noise: [f64; 3]| {
+            let far = |a: usize| shift[a] > TOUCH_FLOOR_COUNTS.max(TOUCH_SIGMAS * noise[a].sqrt());
+            (0..3).any(far)
+        };
+        idle.touched = is_above(variance);
         if kept >= 2 * TOUCH_SAMPLES {
             let (first, last) = samples.split_at(kept / 2);
             let over = (noise, idle.rest);
@@ -211,8 +211,8 @@ impl Windows {
                 let usual = Usual::of(half, steps, outlier_sigmas, &mut self.scratch);
                 let rest = usual.rest(half, baseline, mode);
                 let noise: f64 = usual.successive_variance(half).iter().sum();
-                let variance = usual.variance(half, rest.baseline);
-                let parts = (half.len() / NOISE_SAMPLES).min(NOISE_PARTS);
+                let variance = usual.variance(half);
+                let parts = (half.len() / NOISE_SAMPLES).clamp(1, NOISE_PARTS);
                 let parts = (0..parts).map(|p| &half[p * half.len() / parts..(p + 1) * half.len() / parts]);
                 Half {
                     rest,
@@ -226,8 +226,8 @@ impl Windows {
                         .fold(0.0, f64::max),
                 }
             });
-            // Under a touch, what presses trembles.
-            idle.noise_peak = match idle.touched {
+            // Under a touch, what presses trembles. Loud noise takes the level of a quarter as far, as outliers.
+            idle.noise_peak = match is_above(ALL_USUAL.successive_variance(samples)) {
                 true => 0.0,
                 false => halves.iter().map(|half| half.noise_peak).fold(0.0, f64::max),
             };
@@ -242,6 +242,12 @@ struct Usual {
     centre: [f64; 3],
     reach: [f64; 3],
 }
+
+/// No sample is an outlier.
+const ALL_USUAL: Usual = Usual {
+    centre: [0.0; 3],
+    reach: [f64::INFINITY; 3],
+};
 
 impl Usual {
     fn of(samples: &[[i32; 3]], steps: [u32; 3], outlier_sigmas: f64, sorted: &mut Vec<i32>) -> Self {
@@ -281,18 +287,23 @@ impl Usual {
         squares.map(|s| s / f64::from(pairs.max(1)))
     }
 
-    /// Sum of the axes' variances, of the pairs of samples that [`Usual::successive_variance`] is of: of noise of which most is
-    /// outliers, what is left is alone, and would be movement without that.
-    fn variance(&self, samples: &[[i32; 3]], mean: [f64; 3]) -> f64 {
-        let (mut squares, mut pairs) = (0.0, 0u32);
-        let far = |s: &[i32; 3]| (0..3).map(|a| (f64::from(s[a]) - mean[a]).powi(2)).sum::<f64>();
-        for pair in samples.windows(2) {
-            if self.keeps(&pair[0]) && self.keeps(&pair[1]) {
-                pairs += 1;
-                squares += (far(&pair[0]) + far(&pair[1])) / 2.0;
+    /// Sum of the axes' variances, of the samples that [`Usual::successive_variance`] is of, those with a neighbour that is
+    /// none either: of noise that is mostly outliers, what is left stands alone, and would be movement.
+    fn variance(&self, samples: &[[i32; 3]]) -> f64 {
+        let pairs = samples
+            .windows(2)
+            .filter(|pair| pair.iter().all(|s| self.keeps(s)));
+        let (mut sum, mut used) = ([0i64; 3], 0u32);
+        for s in pairs.clone().flatten() {
+            used += 1;
+            for a in 0..3 {
+                sum[a] += i64::from(s[a]);
             }
         }
-        squares / f64::from(pairs.max(1))
+        let used = f64::from(used.max(1));
+        let mean = sum.map(|s| s as f64 / used);
+        let off = |s: &[i32; 3]| (0..3).map(|a| (f64::from(s[a]) - mean[a]).powi(2)).sum::<f64>();
+        pairs.flatten().map(off).sum::<f64>() / used
     }
 
     /// How far the samples go from their mean, outliers left out, where they are noisier than those `over` the window, of
@@ -301,7 +312,7 @@ impl Usual {
         let noise: f64 = self.successive_variance(samples).iter().sum();
         let rest = self.rest(samples, None, mode);
         let is_noisier = noise > NOISIER_VARIANCES * over.0 && rest.peak > NOISIER_PEAKS * over.1.peak;
-        let variance = self.variance(samples, rest.baseline);
+        let variance = self.variance(samples);
         let off: f64 = (0..3)
             .map(|a| (rest.baseline[a] - over.1.baseline[a]).powi(2))
             .sum();
