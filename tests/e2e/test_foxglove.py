@@ -5,6 +5,7 @@ import os
 import signal
 import subprocess
 import time
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -329,6 +330,27 @@ def test_who_says_what_cannot_be_done_is_told_or_let_go_and_disturbs_nobody(brid
     assert (counts["faults"] > 0) == (code is None or what in ("the same again and again", "questions without an end"))
 
 
+def test_messages_of_no_length_count_for_more_than_their_bytes(bridge, healthy):
+    with let_in(bridge) as client:
+        try:
+            client.sendall(frame(b"", opcode=9) * 10_000)
+        except ConnectionError:
+            pass  # it has heard enough
+        healthy()
+        read_to_the_end(client)
+    assert "let go: sends too much" in bridge.said, bridge.said
+
+
+def test_what_a_client_said_wrongly_is_not_said_back_to_it_whole(bridge, healthy):
+    said = b'{"op": "subscribe", "subscriptions": "' + b"\x7f" * 60_000 + b'"}'
+    with Viewer(bridge) as viewer:
+        viewer.socket.send(said, text=True)
+        viewer.hear_until(lambda: viewer.statuses)
+        message = viewer.statuses[0]["message"]
+        assert message.startswith("not understood: ") and len(message) < 300
+        healthy()
+
+
 def test_a_thousand_subscriptions_are_ten_and_one_word_about_the_others(bridge, healthy):
     with Viewer(bridge) as viewer:
         ids = [channel["id"] for channel in viewer.channels.values()]
@@ -353,6 +375,21 @@ def test_connections_that_never_ask_keep_nobody_out(bridge, healthy):
         read_to_the_end(client)
         client.close()
     assert bridge.end().items() >= {"refused": 200, "clients": 2, "let_go": 0, "lost": 0}.items()
+
+
+def test_who_is_turned_away_is_counted_once_also_where_others_come_meanwhile(bridge, healthy):
+    # Each has half a second to read why, and there are more of them than may ask at once.
+    turned_away = [raw(bridge) for _ in range(150)]
+    for client in turned_away:
+        try:
+            client.sendall(foxglove.request("rosbridge"))
+        except ConnectionError:
+            pass  # it made room for another
+    for client in turned_away:
+        read_to_the_end(client)
+        client.close()
+    healthy()
+    assert bridge.end().items() >= {"refused": 150, "clients": 1, "let_go": 0, "lost": 0}.items()
 
 
 def test_there_are_so_many_viewers_and_no_more(bridge, healthy):
@@ -398,3 +435,34 @@ def test_a_viewer_that_takes_nothing_is_let_go_and_a_slow_one_loses_the_oldest(s
         eventually(lambda: bridge.said.count(" lost") == 1, lambda: bridge.said)
         counts = bridge.end()
         assert counts["let_go"] == 1 and counts["lost"] > 0, bridge.said
+
+
+@pytest.mark.skipif(not Path("/proc/net/if_inet6").exists(), reason="no IPv6 here")
+@pytest.mark.parametrize("listen, hosts", [("[::1]:0", ["[::1]"]), ("[::]:0", ["[::1]", "127.0.0.1"])])
+def test_it_is_reached_by_ipv6(daemon, folder, listen, hosts):
+    with Bridge(daemon, folder, listen) as bridge:
+        for host in hosts:
+            with Viewer(bridge, "/taxel/hello", host=host) as viewer:
+                viewer.next("/taxel/hello")
+
+
+# What a viewer of a server that can do more may ask for.
+CHANGES = [
+    json.dumps({"op": "advertise", "channels": [{"id": 1, "topic": "/rosout", "encoding": "json", "schemaName": "x"}]}),
+    b"\x01" + bytes(4) + b"{}",
+    json.dumps({"op": "setParameters", "parameters": [{"name": "levels", "value": 2}]}),
+    b"\x02" + bytes(8) + b"\x04\0\0\0json{}",
+    json.dumps({"op": "fetchAsset", "uri": "file:///etc/passwd", "requestId": 1}),
+]
+
+
+def test_a_page_of_another_origin_sees_what_everybody_sees_and_changes_nothing(daemon, bridge):
+    profile = daemon.control("profile")
+    with Viewer(bridge, "/taxel/hello", origin="https://elsewhere.example") as page:
+        page.next("/taxel/hello")
+        for change in CHANGES:
+            page.socket.send(change)
+        page.hear_until(lambda: len(page.statuses) == len(CHANGES))
+        assert all(status["level"] == 2 for status in page.statuses)
+    assert daemon.control("profile") == profile
+    assert bridge.end()["faults"] == len(CHANGES)

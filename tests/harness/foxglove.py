@@ -22,16 +22,16 @@ MESSAGE_DATA = 1
 class Bridge:
     """A running `taxel foxglove`; what it says is in `said`. Use it as a context."""
 
-    def __init__(self, daemon, folder):
+    def __init__(self, daemon, folder, listen="127.0.0.1:0"):
         self.log, self.out = folder / "foxglove.said", folder / "foxglove.out"
         with self.log.open("wb") as log, self.out.open("wb") as out:
             self.process = subprocess.Popen(
-                [binary("taxel"), "foxglove", "--json", "--listen", "127.0.0.1:0", "--socket", daemon.images],
+                [binary("taxel"), "foxglove", "--json", "--listen", listen, "--socket", daemon.images],
                 stdout=out,
                 stderr=log,
                 preexec_fn=die_with_parent,
             )
-        said = eventually(lambda: re.search(r"ws://127\.0\.0\.1:(\d+)", self.said), lambda: f"no address: {self.said}")
+        said = eventually(lambda: re.search(r"ws://\S+:(\d+),", self.said), lambda: f"no address: {self.said}")
         self.port = int(said[1])
 
     @property
@@ -55,11 +55,11 @@ class Bridge:
 class Viewer:
     """A client that keeps what it is told: `info`, `channels` by topic, `statuses`, and messages by topic."""
 
-    def __init__(self, bridge, *topics, protocol=PROTOCOL):
+    def __init__(self, bridge, *topics, protocol=PROTOCOL, host="127.0.0.1", **options):
         self.stack = ExitStack()
         # A test that looks at something else for a while has not stopped reading.
-        options = {"subprotocols": [protocol], "max_size": None, "max_queue": None, "proxy": None, "ping_interval": None}
-        self.socket = self.stack.enter_context(connect(f"ws://127.0.0.1:{bridge.port}", **options))
+        options |= {"subprotocols": [protocol], "max_size": None, "max_queue": None, "proxy": None, "ping_interval": None}
+        self.socket = self.stack.enter_context(connect(f"ws://{host}:{bridge.port}", **options))
         self.statuses, self.removed, self.messages = [], [], {}
         self.channels, self.topics, self.decoders = {}, {}, {}
         self.info = self.hear()

@@ -10,7 +10,8 @@ use std::path::PathBuf;
 /// nothing. It waits for the daemon, and for the next one, and says so; the topics stay. A client that is slow loses the
 /// oldest messages.
 ///
-/// Whoever can connect sees the hand, and so can a web page that is open in a browser on this machine.
+/// Whoever can connect sees the hand, and so does any web page that is open in a browser on this machine. Nobody can change
+/// anything.
 #[derive(Debug, clap::Args)]
 #[command(after_help = "\
 In Foxglove or Lichtblick: Open connection, Foxglove WebSocket, ws://localhost:8765. The panel Image shows

@@ -6,6 +6,8 @@ use std::time::{Duration, Instant};
 const MOST: usize = 256 << 10;
 /// Bytes that are granted per second.
 const PER_SECOND: f64 = 64e3;
+/// Bytes that a message counts for beside its own: one of no length is looked at, too, and may be answered.
+pub(crate) const PER_MESSAGE: usize = 100;
 
 /// Bytes that a client may still send.
 #[derive(Debug)]

@@ -26,12 +26,18 @@ const SILENCE: Duration = Duration::from_secs(30);
 const LOOK: Duration = Duration::from_millis(500);
 /// How often a client may ask for what cannot be done.
 const MOST_FAULTS: u32 = 100;
+/// Bytes in front of an answer to a ping.
+const PONG_HEAD: usize = 2;
+/// Bytes of answers that a client may leave untaken while it goes on asking: WebSocket answers every ping.
+const MOST_UNTAKEN: usize = 16 << 10;
 /// Bytes that are put together to be sent at once.
 const AT_ONCE: usize = 64 << 10;
 /// How long a client that is let go has to read why.
 const FAREWELL: Duration = Duration::from_millis(500);
 /// The most bytes of the reason.
 const MOST_OF_REASON: usize = 120;
+/// The most bytes of what was wrong, which may hold what the client said.
+const MOST_OF_FAULT: usize = 200;
 
 /// Why a connection ends.
 #[derive(Debug)]
@@ -71,6 +77,7 @@ pub(crate) async fn attend(
         client,
         websocket,
         unsent_since: None,
+        untaken: 0,
         pinged: Instant::now(),
         faults: 0,
         messages: 0,
@@ -124,6 +131,8 @@ struct Attended<'a> {
     websocket: WebSocket<Stream>,
     /// Since when something waits to be taken by the socket.
     unsent_since: Option<Instant>,
+    /// Bytes of answers since the socket last took all.
+    untaken: usize,
     pinged: Instant,
     faults: u32,
     messages: u64,
@@ -134,13 +143,16 @@ impl Attended<'_> {
         let mut look = interval(LOOK);
         look.set_missed_tick_behavior(MissedTickBehavior::Delay);
         loop {
+            self.websocket.get_mut().begin_turn();
             if let Err(end) = self.read().and_then(|()| self.write()) {
                 return end;
             }
             if self.hub.has_ended() {
                 return End::Over;
             }
+            let is_cut_short = self.websocket.get_ref().is_turn_over();
             let ready = tokio::select! {
+                () = std::future::ready(()), if is_cut_short => Ok(()),
                 ready = socket.readable() => ready,
                 ready = socket.writable(), if self.unsent_since.is_some() => ready,
                 () = self.client.wake.notified() => Ok(()),
@@ -157,17 +169,30 @@ impl Attended<'_> {
         }
     }
 
-    /// Does what the client says.
+    /// Does what the client says, as much as is read in a turn.
     fn read(&mut self) -> Result<(), End> {
         loop {
-            match self.websocket.read() {
-                Ok(Message::Text(text)) => self.heed(text.as_str())?,
-                Ok(Message::Binary(_)) => self.fault("nothing is published by clients here")?,
-                // The answer is written with what comes next.
-                Ok(Message::Ping(_)) => self.is_unsent(),
-                Ok(Message::Pong(_) | Message::Close(_) | Message::Frame(_)) => {}
+            let message = match self.websocket.read() {
+                Ok(message) => message,
                 Err(error) => return unless_blocked(Err(error)),
+            };
+            self.websocket.get_mut().count_message();
+            match message {
+                Message::Text(text) => self.heed(text.as_str())?,
+                Message::Binary(_) => self.fault("nothing is published by clients here")?,
+                Message::Ping(asked) => self.is_asked(asked.len())?,
+                Message::Pong(_) | Message::Close(_) | Message::Frame(_) => {}
             }
+        }
+    }
+
+    /// The WebSocket answers with as many bytes. It keeps what the socket does not take.
+    fn is_asked(&mut self, bytes: usize) -> Result<(), End> {
+        self.is_unsent();
+        self.untaken += bytes + PONG_HEAD;
+        match self.untaken {
+            MOST_UNTAKEN.. => Err(End::LetGo(CloseCode::Policy, "asks and takes no answers".into())),
+            _ => Ok(()),
         }
     }
 
@@ -184,6 +209,7 @@ impl Attended<'_> {
     }
 
     fn fault(&mut self, why: &str) -> Result<(), End> {
+        let why = cut(why, MOST_OF_FAULT);
         self.hub.fault(self.client, why);
         self.faults += 1;
         match self.faults {
@@ -204,7 +230,7 @@ impl Attended<'_> {
         while self.websocket.can_write() {
             if self.unsent_since.is_some() {
                 match self.websocket.flush() {
-                    Ok(()) => self.unsent_since = None,
+                    Ok(()) => (self.unsent_since, self.untaken) = (None, 0),
                     blocked => return unless_blocked(blocked),
                 }
             }
@@ -263,10 +289,15 @@ impl Attended<'_> {
 
     /// Tells the client why it is let go, if it takes that at once.
     fn say_why(&mut self, code: CloseCode, why: &str) {
-        let cut = (0..=MOST_OF_REASON.min(why.len())).rfind(|at| why.is_char_boundary(*at));
-        let reason = why[..cut.unwrap_or(0)].into();
+        let reason = cut(why, MOST_OF_REASON).into();
         let _ = self.websocket.close(Some(CloseFrame { code, reason }));
     }
+}
+
+/// So many bytes of a text, or a few less.
+fn cut(text: &str, most: usize) -> &str {
+    let end = (0..=most.min(text.len())).rfind(|at| text.is_char_boundary(*at));
+    &text[..end.unwrap_or(0)]
 }
 
 /// What is wrong, if it is more than that the socket is not ready.
@@ -274,5 +305,51 @@ fn unless_blocked(outcome: Result<(), Error>) -> Result<(), End> {
     match outcome {
         Err(Error::Io(error)) if error.kind() == io::ErrorKind::WouldBlock => Ok(()),
         outcome => outcome.map_err(End::from),
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use nix::sys::socket::{setsockopt, sockopt};
+    use std::io::Write;
+    use std::sync::Mutex;
+    use std::thread;
+    use tungstenite::protocol::Role;
+
+    #[test]
+    fn who_asks_and_takes_no_answers_is_let_go_before_they_pile_up() {
+        let said = Arc::new(Mutex::new(Vec::<String>::new()));
+        let listener = std::net::TcpListener::bind("127.0.0.1:0").unwrap();
+        let mut asking = std::net::TcpStream::connect(listener.local_addr().unwrap()).unwrap();
+        let (socket, address) = listener.accept().unwrap();
+        // What the kernel would keep of answers is no pile of ours.
+        setsockopt(&asking, sockopt::RcvBuf, &4096).unwrap();
+        setsockopt(&socket, sockopt::SndBuf, &4096).unwrap();
+        socket.set_nonblocking(true).unwrap();
+        // A ping of 125 bytes, under a mask of zeros.
+        let ping = [&[0x89, 0x80 | 125, 0, 0, 0, 0][..], &[b'x'; 125]].concat();
+        let asks = thread::spawn(move || {
+            let _ = asking.write_all(&ping.repeat(1000));
+            asking
+        });
+        let runtime = tokio::runtime::Builder::new_current_thread()
+            .enable_all()
+            .build()
+            .unwrap();
+        runtime.block_on(async {
+            let told = said.clone();
+            let hub = Hub::new(Box::new(move |line| told.lock().unwrap().push(line.into())));
+            let client = hub.join(address, &[]);
+            let socket = Arc::new(TcpStream::from_std(socket).unwrap());
+            let websocket = WebSocket::from_raw_socket(Stream::new(socket.clone()), Role::Server, None);
+            attend(&hub, &client, &socket, websocket).await;
+        });
+        drop(asks.join().unwrap());
+        let said = said.lock().unwrap();
+        assert!(
+            said[0].ends_with("is let go: asks and takes no answers"),
+            "{said:?}"
+        );
     }
 }

@@ -62,9 +62,10 @@ pub(crate) async fn shake(
                 }
                 return Err(error);
             }
-            Err(HandshakeError::Interrupted(shaking)) => {
+            Err(HandshakeError::Interrupted(mut shaking)) => {
                 // The answer is shorter than any socket's buffer: it waits for the client to ask.
                 socket.readable().await?;
+                shaking.get_mut().get_mut().begin_turn();
                 shaken = shaking.handshake();
             }
         }

@@ -140,21 +140,25 @@ impl Door {
                 && let Some(first) = asking.pop_front()
             {
                 first.abort();
-                add(&self.hub.counters.refused, 1);
             }
-            asking.push_back(tokio::spawn(self.clone().let_in(socket, address)));
+            let asks = Asking {
+                hub: self.hub.clone(),
+                is_let_in: false,
+            };
+            asking.push_back(tokio::spawn(self.clone().let_in(asks, socket, address)));
             sleep(PACE).await;
         }
     }
 
     /// Lets a client in that asks in time, as the protocol says.
-    async fn let_in(self, socket: TcpStream, address: SocketAddr) {
+    async fn let_in(self, mut asks: Asking, socket: TcpStream, address: SocketAddr) {
         let hub = self.hub;
         // What is small is not to wait for more.
         let _ = socket.set_nodelay(true);
         let socket = Arc::new(socket);
         let why = match timeout(PATIENCE, shake(&socket, self.places)).await {
             Ok(Ok((websocket, place))) => {
+                asks.is_let_in = true;
                 let client = hub.join(address, &*self.greeting);
                 hub.remark(format!("{address} is connected"));
                 // Who is in is not put out for one who asks.
@@ -171,8 +175,22 @@ impl Door {
             Ok(Err(error)) => error.to_string(),
             Err(_) => format!("did not ask within {PATIENCE:?}"),
         };
-        add(&hub.counters.refused, 1);
+        drop(asks);
         hub.remark(format!("{address} is not let in: {why}"));
         part(&socket).await;
+    }
+}
+
+/// A connection that has not been let in yet. Where it ends so, whoever ends it, it is counted as refused.
+struct Asking {
+    hub: Arc<Hub>,
+    is_let_in: bool,
+}
+
+impl Drop for Asking {
+    fn drop(&mut self) {
+        if !self.is_let_in {
+            add(&self.hub.counters.refused, 1);
+        }
     }
 }
