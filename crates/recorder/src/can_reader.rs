@@ -82,7 +82,7 @@ impl CanReader {
         self.reader.left_out()
     }
 
-    /// Bytes of the file read so far.
+    /// How far it is read, bytes; see [`RecordingReader::position`].
     pub fn position(&self) -> u64 {
         self.reader.position()
     }

@@ -16,6 +16,7 @@ mod gone;
 mod left_out;
 mod live;
 mod reader;
+mod records;
 mod schema;
 mod series;
 mod standard;

@@ -1,6 +1,7 @@
 //! A recording out of a file.
 
 use crate::left_out::LeftOut;
+use crate::records::{Fields, Found, channel, look};
 use crate::schema::Topic;
 use crate::series::parts;
 use crate::writer::Attached;
@@ -22,8 +23,6 @@ const BLOCK: usize = 256 << 10;
 const RECORD_HEAD: usize = 9;
 /// Bytes of the record that ends a file, which says where the summary begins.
 const FOOTER: usize = RECORD_HEAD + 20;
-/// Characters of the name of a damaged file that are told.
-const LONGEST_NAME: usize = 40;
 /// What is wrong with a record whose fields do not fit into it.
 const CUT_OFF: &str = "a record is cut off";
 
@@ -85,8 +84,8 @@ pub struct RecordingReader {
     /// Topics by the number of their channel; none where it is not wanted.
     channels: HashMap<u16, Option<Topic>>,
     message: Vec<u8>,
-    /// Bytes read from all files.
-    position: u64,
+    /// Bytes of the files before this one.
+    bytes_before: u64,
     /// Where in it the next record begins.
     next_record: u64,
     left_out: LeftOut,
@@ -98,6 +97,10 @@ struct Chunk {
     records: LinearReader,
     from: u64,
     to: u64,
+    /// The times of its first message, of the one that was given last, and of its last one.
+    begins_ns: u64,
+    newest_ns: u64,
+    ends_ns: u64,
 }
 
 impl Chunk {
@@ -112,7 +115,23 @@ impl Chunk {
         bytes[1..RECORD_HEAD].copy_from_slice(&(data.len() as u64).to_le_bytes());
         bytes[RECORD_HEAD..].copy_from_slice(data);
         records.notify_read(RECORD_HEAD + data.len());
-        Self { records, from, to }
+        let mut head = Fields(data);
+        let [begins_ns, ends_ns] = [(); 2].map(|()| head.u64().unwrap_or_default());
+        Self {
+            records,
+            from,
+            to,
+            begins_ns,
+            newest_ns: begins_ns,
+            ends_ns,
+        }
+    }
+
+    /// Where in the file the message stands that was given last, by its time.
+    fn position(&self) -> u64 {
+        let since_begin = |t_ns: u64| t_ns.saturating_sub(self.begins_ns) as f64;
+        let share = since_begin(self.newest_ns) / since_begin(self.ends_ns).max(1.0);
+        self.from + ((self.to - self.from) as f64 * share.min(1.0)) as u64
     }
 }
 
@@ -135,18 +154,6 @@ fn options() -> LinearReaderOptions {
     LinearReaderOptions::default().with_record_length_limit(LONGEST)
 }
 
-/// What a record is to the reader.
-enum Found {
-    Message(Topic, u64),
-    Attached(Attached),
-    /// An attached file that is damaged: its name, as far as it can be read.
-    Damaged(String),
-    Channel(u16, Option<Topic>),
-    NoTopic,
-    End,
-    Other,
-}
-
 impl RecordingReader {
     /// Opens a recording, of which messages of these topics are given; its other messages are passed over. Where there is
     /// no file of this name, its [`parts`] are read.
@@ -167,7 +174,7 @@ impl RecordingReader {
             wanted: wanted.into(),
             channels: HashMap::new(),
             message: Vec::new(),
-            position: 0,
+            bytes_before: 0,
             next_record: MAGIC.len() as u64,
             left_out: LeftOut::default(),
             ended: false,
@@ -203,6 +210,7 @@ impl RecordingReader {
     fn go_on_with(&mut self, part: PathBuf) -> Result<(), ReadError> {
         self.left_out_before = self.left_out();
         self.left_out = LeftOut::default();
+        self.bytes_before += self.file.metadata().map_or(self.next_record, |file| file.len());
         self.file = open(&part)?;
         self.path = part;
         (self.records, self.chunk) = (records(), None);
@@ -257,7 +265,7 @@ impl RecordingReader {
             let path = self.path.clone();
             return Err(ReadError::NotMcap { path, problem });
         }
-        let len = self.file.metadata().map_or(self.position, |file| file.len());
+        let len = self.file.metadata().map_or(at, |file| file.len());
         match is_cut_off && !ends_whole(&self.file, len) {
             true => self.left_out.torn(),
             false => self.left_out.lost(at, len, problem),
@@ -272,7 +280,12 @@ impl RecordingReader {
         let problem = match chunk.records.next_event() {
             Some(Ok(LinearReadEvent::Record { opcode, data })) => {
                 match look(opcode, data, &self.channels, &mut self.message) {
-                    Some(found) => return found,
+                    Some(found) => {
+                        if let Found::Message(_, wall_ns) = found {
+                            chunk.newest_ns = wall_ns;
+                        }
+                        return found;
+                    }
                     None => Ok(()),
                 }
             }
@@ -314,7 +327,6 @@ impl RecordingReader {
             source,
         })?;
         self.records.notify_read(read);
-        self.position += read as u64;
         Ok(())
     }
 
@@ -347,9 +359,9 @@ impl RecordingReader {
         self.left_out_before.iter().cloned().chain(of_this).collect()
     }
 
-    /// Bytes of the file read so far.
+    /// Bytes of its files in front of the item that was given last; what was read ahead is not among them.
     pub fn position(&self) -> u64 {
-        self.position
+        self.bytes_before + self.chunk.as_ref().map_or(self.next_record, Chunk::position)
     }
 }
 
@@ -387,107 +399,7 @@ impl std::fmt::Debug for RecordingReader {
     fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
         f.debug_struct("RecordingReader")
             .field("path", &self.path)
-            .field("position", &self.position)
+            .field("position", &self.position())
             .finish_non_exhaustive()
-    }
-}
-
-/// Takes a record; a message's bytes are put into `message`. None where the record is cut off.
-fn look(
-    opcode: u8,
-    data: &[u8],
-    channels: &HashMap<u16, Option<Topic>>,
-    message: &mut Vec<u8>,
-) -> Option<Found> {
-    let mut fields = Fields(data);
-    Some(match opcode {
-        op::MESSAGE => {
-            let (channel, _sequence, wall_ns, _published_ns) =
-                (fields.u16()?, fields.u32()?, fields.u64()?, fields.u64()?);
-            match channels.get(&channel) {
-                Some(Some(topic)) => {
-                    message.clear();
-                    message.extend_from_slice(fields.0);
-                    Found::Message(*topic, wall_ns)
-                }
-                Some(None) => Found::Other,
-                None => Found::NoTopic,
-            }
-        }
-        op::CHANNEL => {
-            let (id, topic, _) = channel(fields)?;
-            Found::Channel(id, topic)
-        }
-        op::ATTACHMENT => attached(data),
-        op::DATA_END => Found::End,
-        _ => Found::Other,
-    })
-}
-
-/// A file that is attached, if it is as it was when it was attached.
-fn attached(record: &[u8]) -> Found {
-    let (mut fields, mut name) = (Fields(record), String::new());
-    let mut read = || {
-        let (_logged_ns, _created_ns) = (fields.u64()?, fields.u64()?);
-        let text = |bytes: &[u8]| String::from_utf8_lossy(bytes).into_owned();
-        name = text(fields.text()?);
-        let media_type = text(fields.text()?);
-        let len = usize::try_from(fields.u64()?).ok()?;
-        let data = fields.take(len)?.to_vec();
-        // The reader of the format takes for granted that it is there.
-        let _checksum = fields.u32()?;
-        Some((media_type, data))
-    };
-    let read = read().filter(|_| mcap::parse_record(op::ATTACHMENT, record).is_ok());
-    match read {
-        Some((media_type, data)) => Found::Attached(Attached {
-            name,
-            media_type,
-            data,
-        }),
-        None => Found::Damaged(name.chars().take(LONGEST_NAME).collect()),
-    }
-}
-
-/// The number of a channel, which of our topics it is, and what it is called.
-fn channel(mut fields: Fields<'_>) -> Option<(u16, Option<Topic>, String)> {
-    let (id, _schema) = (fields.u16()?, fields.u16()?);
-    let (name, encoding) = (fields.text()?, fields.text()?);
-    let topic = Topic::ALL
-        .into_iter()
-        .find(|topic| topic.name().as_bytes() == name);
-    let name = String::from_utf8_lossy(name).into_owned();
-    Some((id, topic.filter(|_| encoding == b"cdr"), name))
-}
-
-/// The fields of a record, one after the other.
-struct Fields<'a>(&'a [u8]);
-
-impl<'a> Fields<'a> {
-    fn take(&mut self, len: usize) -> Option<&'a [u8]> {
-        let (taken, rest) = self.0.split_at_checked(len)?;
-        self.0 = rest;
-        Some(taken)
-    }
-
-    fn number<const N: usize>(&mut self) -> Option<[u8; N]> {
-        self.take(N)?.try_into().ok()
-    }
-
-    fn u16(&mut self) -> Option<u16> {
-        self.number().map(u16::from_le_bytes)
-    }
-
-    fn u32(&mut self) -> Option<u32> {
-        self.number().map(u32::from_le_bytes)
-    }
-
-    fn u64(&mut self) -> Option<u64> {
-        self.number().map(u64::from_le_bytes)
-    }
-
-    fn text(&mut self) -> Option<&'a [u8]> {
-        let len = self.u32()? as usize;
-        self.take(len)
     }
 }

@@ -367,3 +367,46 @@ fn a_full_disk_is_told_and_what_it_holds_reads_to_the_last_cut() {
         );
     }
 }
+
+#[test]
+fn how_far_a_recording_is_read_is_where_its_last_message_stands_and_not_what_is_read_ahead() {
+    const MESSAGES: u64 = 100;
+    let folder = tempfile::tempdir().unwrap();
+    let path = folder.path().join("a.mcap");
+    // All of them are read at once; in one chunk, in two, and in two files.
+    for (cut_at, parts) in [(u64::MAX, 1), (50, 1), (50, 2)] {
+        let mut written = Vec::new();
+        for part in 0..parts {
+            let mut writer =
+                RecordingWriter::begin(Cursor::new(Vec::new()), &Preamble::default(), 0).unwrap();
+            for n in MESSAGES / parts * part..MESSAGES / parts * (part + 1) {
+                let text: String = (0..500_u64)
+                    .map(|i| format!("{:x}", (n << 10 | i).wrapping_mul(0x9e37_79b9_7f4a_7c15)))
+                    .collect();
+                writer.put(&entry(Topic::Events, n * S, &text)).unwrap();
+                if n == cut_at {
+                    writer.cut().unwrap();
+                }
+            }
+            written.push(writer.finish().unwrap().into_inner());
+        }
+        for (part, bytes) in written.iter().enumerate() {
+            let name = if parts == 1 {
+                "a.mcap".into()
+            } else {
+                format!("a-{:04}.mcap", part + 1)
+            };
+            std::fs::write(path.with_file_name(name), bytes).unwrap();
+        }
+        let len = written.iter().map(Vec::len).sum::<usize>() as f64;
+        let mut reader = RecordingReader::open(&path, &[Topic::Events]).unwrap();
+        for n in 0..MESSAGES {
+            assert!(reader.next_item().unwrap().is_some());
+            let share = reader.position() as f64 / len;
+            let wanted = n as f64 / MESSAGES as f64;
+            assert!((share - wanted).abs() < 0.05, "{share} at message {n}");
+        }
+        assert_eq!(reader.next_item().unwrap(), None);
+        std::fs::remove_file(&path).unwrap_or_default();
+    }
+}
