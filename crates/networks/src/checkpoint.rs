@@ -113,7 +113,7 @@ impl Training {
             ));
         }
         if header.fingerprint != fingerprint {
-            return unfit("was trained on other examples");
+            return Err(NetworksError::OtherExamples { path: path.into() });
         }
         if header.losses.len() != header.epochs {
             return unfit(&format!(

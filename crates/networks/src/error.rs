@@ -25,6 +25,14 @@ pub enum NetworksError {
         /// What is wrong, and what to do.
         what: String,
     },
+    /// A checkpoint of a network that was trained on other examples.
+    #[error(
+        "{path}: was trained on other examples; name another folder, or delete this checkpoint to begin anew"
+    )]
+    OtherExamples {
+        /// The file.
+        path: PathBuf,
+    },
     /// Squeezes that a network cannot be fed.
     #[error("{session}: {what}")]
     Session {

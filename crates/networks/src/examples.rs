@@ -39,16 +39,10 @@ impl Examples {
         let mut values = Vec::new();
         for trial in &session.trials {
             let squeeze = &trial.squeeze;
-            let name = || {
-                format!(
-                    "the squeeze at {:.1} %, repetition {}",
-                    trial.location_percent, trial.repetition
-                )
-            };
             if squeeze.len() != samples {
-                let (found, name) = (squeeze.len(), name());
+                let (found, name) = (squeeze.len(), trial.name());
                 let what = format!(
-                    "{name}, has {found} samples and the first {samples}; networks need as many of each"
+                    "{name} has {found} samples and the first {samples}; networks need as many of each"
                 );
                 return Err(unfit(what));
             }
@@ -59,8 +53,8 @@ impl Examples {
                     Some(counts) => values.extend(counts.iter().map(|count| f32::from(*count) / FULL_COUNT)),
                     None => {
                         return Err(unfit(format!(
-                            "{}, has no touch, which the tactile network needs",
-                            name()
+                            "{} has no touch, which the tactile network needs",
+                            trial.name()
                         )));
                     }
                 },
@@ -70,8 +64,8 @@ impl Examples {
             }
             if values[before..].iter().any(|value| !value.is_finite()) {
                 return Err(unfit(format!(
-                    "{}, has an angle that is not a number; leave it out",
-                    name()
+                    "{} has an angle that is not a number; leave it out",
+                    trial.name()
                 )));
             }
         }

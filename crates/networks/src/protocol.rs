@@ -20,12 +20,20 @@ const CHECKPOINTS: Duration = Duration::from_secs(60);
 pub struct Plan {
     /// What the kinesthetic network takes for time.
     pub reading: Reading,
-    /// Fewer epochs than the article's, for a try.
+    /// Fewer epochs than the article's, for a try, of the two networks that are fed squeezes. Fusion, which takes half a minute, has
+    /// all of its own: after few it says what its first weights say.
     pub epochs: Option<usize>,
     /// Where checkpoints are kept, if they are; what is found there is gone on with.
     pub folder: Option<PathBuf>,
     /// First weights and orders are drawn from it, anew in each repetition.
     pub seed: u64,
+}
+
+impl Plan {
+    pub(crate) fn epochs_of(&self, kind: Kind) -> usize {
+        let fewer = self.epochs.filter(|_| kind != Kind::Fusion);
+        fewer.unwrap_or(kind.epochs())
+    }
 }
 
 /// Which training of how many.
@@ -68,7 +76,8 @@ pub struct Trained {
 }
 
 /// Trains a network until it has made `epochs`, or `report`, asked after each epoch, breaks off. A checkpoint is kept in
-/// `path` about every minute and at the end.
+/// `path` about every minute and at the end. One of fusion that is of other estimates is of no use, since the networks that made
+/// them have been trained on: it begins anew.
 ///
 /// # Errors
 /// A checkpoint that cannot be written or is of another run; memory that is exhausted.
@@ -86,7 +95,10 @@ pub fn train(
     let (own, rest) = (examples.select(own)?, examples.select(rest)?);
     let mut training = Training::new(stage.kind, &own, seed)?;
     if let Some(path) = path {
-        training.restore(path, &own)?;
+        match training.restore(path, &own) {
+            Err(NetworksError::OtherExamples { .. }) if stage.kind == Kind::Fusion => {}
+            restored => restored?,
+        }
     }
     let mut saved = Instant::now();
     while training.epochs() < epochs {
@@ -179,7 +191,7 @@ fn one(
 ) -> Result<Training, NetworksError> {
     let name = format!("{}-{:02}.json", stage.kind, stage.repetition + 1);
     let path = plan.folder.as_ref().map(|folder| folder.join(name));
-    let epochs = plan.epochs.unwrap_or(stage.kind.epochs());
+    let epochs = plan.epochs_of(stage.kind);
     let seed = plan.seed.wrapping_add(stage.repetition as u64);
     train(
         stage,

@@ -4,7 +4,7 @@ use crate::NetworksError;
 use crate::adam::{Moments, descend};
 use crate::examples::Examples;
 use crate::network::{Form, Kind, Layer, Reading};
-use crate::protocol::{Stage, train};
+use crate::protocol::{Plan, Stage, train};
 use crate::recurrence::Gate;
 use crate::training::Training;
 use crate::window::Window;
@@ -307,6 +307,37 @@ fn training_ends_when_told_and_goes_on_where_it_was() {
 }
 
 #[test]
+fn fusion_begins_anew_when_the_networks_before_it_were_trained_on() {
+    let [fresh, tried] = [(); 2].map(|()| tempfile::tempdir().unwrap());
+    train_fusion(tried.path(), &fusion_examples(40), 3, 2).unwrap();
+    let [whole, anew] = [&fresh, &tried].map(|folder| {
+        let until = 4;
+        train_fusion(folder.path(), &fusion_examples(41), 3, until).unwrap()
+    });
+    assert_eq!((anew.epochs(), bits(&anew)), (4, bits(&whole)));
+    // And is kept.
+    let [whole, gone_on] = [&fresh, &tried].map(|folder| {
+        let until = 6;
+        train_fusion(folder.path(), &fusion_examples(41), 3, until).unwrap()
+    });
+    assert_eq!((gone_on.epochs(), bits(&gone_on)), (6, bits(&whole)));
+}
+
+#[test]
+fn a_try_has_fewer_epochs_of_the_networks_that_take_long_alone() {
+    let kinds = [Kind::Kinesthetic(Reading::Time), Kind::Tactile, Kind::Fusion];
+    for (epochs, expected) in [(None, [2000, 500, 2500]), (Some(7), [7, 7, 2500])] {
+        let plan = Plan {
+            reading: Reading::Time,
+            epochs,
+            folder: None,
+            seed: 1,
+        };
+        assert_eq!(kinds.map(|kind| plan.epochs_of(kind)), expected);
+    }
+}
+
+#[test]
 fn a_checkpoint_that_does_not_fit_is_refused_by_name() {
     let folder = tempfile::tempdir().unwrap();
     let path = folder.path().join("fusion-01.json");
@@ -323,7 +354,15 @@ fn a_checkpoint_that_does_not_fit_is_refused_by_name() {
         "{}",
         refused(&examples, 4)
     );
-    assert!(refused(&fusion_examples(41), 3).contains("other examples"));
+    let mut other = Training::new(Kind::Fusion, &examples, 3).unwrap();
+    let error = other
+        .restore(&path, &fusion_examples(41))
+        .unwrap_err()
+        .to_string();
+    assert!(
+        error.contains("fusion-01.json: was trained on other examples"),
+        "{error}"
+    );
 
     let tensors = folder
         .path()

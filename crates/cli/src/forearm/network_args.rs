@@ -11,7 +11,7 @@ pub(super) struct NetworkArgs {
     /// transposed]
     #[arg(long, value_enum)]
     reading: Option<Reading>,
-    /// With --method paper: fewer epochs than the publication's, for a try
+    /// With --method paper: fewer epochs than the publication's, for a try; fusion, which takes half a minute, has all of its own
     #[arg(long, value_name = "N", value_parser = clap::value_parser!(u16).range(1..))]
     pub(super) epochs: Option<u16>,
     /// With --method paper: keep checkpoints here, and go on from those that are there
