@@ -255,8 +255,12 @@ def doctor(*arguments, **more):
 
 def test_the_doctor_says_whether_the_array_speaks(folder):
     daemon = Daemon(folder / "d", [f"pressure:{folder}/touch.sock"], layout="tekscan-6077")
-    silent = [c for c in doctor("--config", daemon.config) if "no frame has come" in c["found"]]
+    checks = doctor("--config", daemon.config)
+    silent = [c for c in checks if "no frame has come" in c["found"]]
     assert [c["state"] for c in silent] == ["error"], "nobody sends"
+    # No board is to be recognised on its socket, and no bit rate is wrong.
+    traffic = [c for c in checks if c["name"] == "traffic"]
+    assert "--scan" not in json.dumps(checks) and "bit rate" not in json.dumps(traffic), checks
     sender = Sender(folder / "touch.sock")
     wrong = lambda: [c for c in doctor("--config", daemon.config) if c["area"] == "hand" and c["state"] == "error"]  # noqa: E731
     eventually(lambda: not wrong(), wrong)

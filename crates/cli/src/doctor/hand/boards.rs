@@ -32,7 +32,7 @@ pub(super) fn of_problem(layout: &Layout, bus: &BusFacts, facts: &HandFacts, not
                 }
             })
         }
-        (Kind::BoardUnheard | Kind::BoardNotInLayout, None) => check.run(bus.scan()),
+        (Kind::BoardUnheard | Kind::BoardNotInLayout, None) if !bus.is_array() => check.run(bus.scan()),
         _ => check,
     }
 }

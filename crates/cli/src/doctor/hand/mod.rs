@@ -44,6 +44,11 @@ pub(super) struct BusFacts {
 }
 
 impl BusFacts {
+    /// Whether it is the socket of a pressure array, which has no boards to be recognised and no bit rate.
+    fn is_array(&self) -> bool {
+        self.source.starts_with("pressure:")
+    }
+
     /// The command that tells which boards are on the bus. Those that the doctor has started are silent again by then.
     fn scan(&self) -> String {
         let start = if self.spoken_to { " --start" } else { "" };
@@ -200,13 +205,14 @@ fn check_load(bus: &BusFacts, seconds: f64) -> Check {
     );
     if bus.frames == 0 {
         // That its boards are silent was told above.
-        Check::skipped(
-            AREA,
-            "traffic",
-            &bus.name,
-            format!("nothing is heard on {}", bus.source),
-        )
-        .advise("are the boards powered, on this bus and at its bit rate? Is another interface meant?")
+        let found = format!("nothing is heard on {}", bus.source);
+        let check = Check::skipped(AREA, "traffic", &bus.name, found);
+        match bus.is_array() {
+            true => check,
+            false => check.advise(
+                "are the boards powered, on this bus and at its bit rate? Is another interface meant?",
+            ),
+        }
     } else if high > BUSY_PERCENT {
         Check::warning(AREA, "traffic", &bus.name, found)
             .wanted(format!("up to {BUSY_PERCENT:.0} %"))
