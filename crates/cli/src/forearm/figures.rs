@@ -7,7 +7,7 @@ use super::with_touch::WithTouch;
 use anyhow::Context;
 use serde_json::json;
 use std::path::PathBuf;
-use taxel_forearm::{Errors, Kinesthetic, PlaceErrors, Session, splits};
+use taxel_forearm::{Errors, Kinesthetic, PlaceErrors, Session, Squeeze, TACTILE_COLUMNS, splits};
 use taxel_playback::output_file::OutputFile;
 use taxel_plot::{Axis, Chart, Picture, Sheet};
 
@@ -89,7 +89,23 @@ pub(super) fn run(args: &Args) -> anyhow::Result<String> {
     Ok(text)
 }
 
-/// Figure 5: angles over a squeeze at the wrist, in the middle and at the elbow; tactile images where there are any.
+/// Tactile images of a squeeze in figure 5, as many as the publication has.
+const MOMENTS: usize = 5;
+/// PWM up to this share of its highest is rest.
+const REST: f64 = 0.02;
+
+/// Rows of a squeeze from where PWM rises by its peak to its end, evenly up and down.
+fn moments(squeeze: &Squeeze) -> Option<[usize; MOMENTS]> {
+    let pwm = &squeeze.pwm;
+    let peak = (0..squeeze.len()).max_by(|a, b| pwm[*a].total_cmp(&pwm[*b]))?;
+    let is_squeezed = |row: &usize| pwm[*row] > REST * pwm[peak];
+    let first = (0..squeeze.len()).find(is_squeezed)?;
+    let last = (0..squeeze.len()).rfind(is_squeezed)?;
+    Some([first, (first + peak) / 2, peak, (peak + last) / 2, last])
+}
+
+/// Figure 5: angles over a squeeze at the wrist, in the middle and at the elbow; where there are tactile images, those of five
+/// moments, one below the other, in the colours of the strongest.
 fn squeezes(session: &Session, of: &str) -> Sheet {
     let places = session.locations();
     let shown = [0, places.len() / 2, places.len() - 1].map(|n| places[n]);
@@ -130,13 +146,24 @@ fn squeezes(session: &Session, of: &str) -> Sheet {
         let tenth: Vec<f64> = squeeze.pwm.iter().map(|pwm| pwm / 10.0).collect();
         sheet = sheet.chart(chart.line("PWM / 10", column(&tenth)));
     }
-    for trial in trials() {
-        let peak =
-            (0..trial.squeeze.len()).max_by(|a, b| trial.squeeze.pwm[*a].total_cmp(&trial.squeeze.pwm[*b]));
-        if let Some(image) = peak.and_then(|row| trial.squeeze.tactile_image(row)) {
+    for moment in 0..MOMENTS {
+        for trial in trials() {
+            let squeeze = &trial.squeeze;
+            let Some(row) = moments(squeeze).map(|rows| rows[moment]) else {
+                continue;
+            };
+            let Some(image) = squeeze.tactile_image(row) else {
+                continue;
+            };
+            let strongest = squeeze.tactile.iter().flatten().max().copied().unwrap_or(0);
+            let title = format!(
+                "{:.1} %, {:.1} s",
+                trial.location_percent,
+                squeeze.time_ms[row] / 1000.0
+            );
             let counts = image.iter().map(|count| f64::from(*count));
-            let title = format!("{:.1} %, at the peak", trial.location_percent);
-            sheet = sheet.picture(Picture::heat(title, taxel_forearm::TACTILE_COLUMNS, counts));
+            let picture = Picture::heat(title, TACTILE_COLUMNS, counts);
+            sheet = sheet.picture(picture.span(0.0, f64::from(strongest.max(1))));
         }
     }
     sheet
