@@ -222,6 +222,12 @@ fn estimate(args: &EstimateArgs) -> anyhow::Result<()> {
         }
     }
     let model = Model::open(&args.model)?;
+    if model.trained_on.simulated {
+        remark!(
+            "taxel: {}: it was trained on a simulated forearm: what it says is no evidence about people",
+            args.model.display()
+        );
+    }
     if args.live {
         let sockets = live::Sockets {
             images: args.socket.as_deref(),
@@ -261,7 +267,14 @@ fn estimate_file(
         let estimate = told(model, &squeeze).with_context(|| file.clone())?;
         return line(text, &file, None, estimate, json);
     }
-    for trial in &Session::open(path)?.trials {
+    let session = Session::open(path)?;
+    if session.simulated && !model.trained_on.simulated {
+        remark!(
+            "taxel: {file}: its squeezes are of a simulated forearm, and those that the model was trained on are not said to be: \
+             it is as one of another gripper"
+        );
+    }
+    for trial in &session.trials {
         let place = || format!("{file}, {}", trial.name());
         match told(model, &trial.squeeze).with_context(place) {
             Ok(estimate) => line(text, &file, Some(trial), estimate, json)?,
