@@ -3,7 +3,7 @@
 use crate::error::ForearmError;
 use crate::phase::Course;
 use crate::session::Trial;
-use crate::shape::Shape;
+use crate::shape::{OTHER_REST, Shape};
 use crate::squeeze::Squeeze;
 use serde::{Deserialize, Serialize};
 
@@ -91,6 +91,11 @@ impl Profile {
             return Err(self.too_low(squeeze, shape.top));
         }
         Ok(course)
+    }
+
+    /// Whether the first sample of a squeeze is beyond where those of the training begin: what was before is not known.
+    pub(crate) fn begins_late(&self, squeeze: &Squeeze) -> bool {
+        first(squeeze) - self.first_pwm > OTHER_REST * (self.peak_pwm - self.least_pwm)
     }
 
     /// The same of a squeeze that is to be trained on: it must be whole.

@@ -238,8 +238,13 @@ fn picks(columns: usize, steps: &[usize]) -> Vec<usize> {
     (0..columns).flat_map(of_column).collect()
 }
 
+/// The features at so many phases, evenly from the first to the last.
+pub(crate) fn picks_evenly(columns: usize, points: usize) -> Vec<usize> {
+    picks(columns, &steps(points, 0, PHASES - 1))
+}
+
 /// The features that are looked at of a squeeze that has come to step `last`.
-pub(crate) fn picks_until(columns: usize, choice: Choice, last: usize) -> Vec<usize> {
+fn picks_until(columns: usize, choice: Choice, last: usize) -> Vec<usize> {
     let to = last.min(choice.to);
     picks(columns, &steps(choice.points, choice.from.min(to), to))
 }

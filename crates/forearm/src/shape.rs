@@ -14,7 +14,7 @@ const JUMPED: f64 = 0.9;
 /// squeezes whose beginning was cut off are those of whole ones, at places of the training and others.
 const BEGUN: f64 = 0.1;
 /// A squeeze that stays beyond this share for so many samples has another rest, and has not begun late.
-const OTHER_REST: f64 = 0.04;
+pub(crate) const OTHER_REST: f64 = 0.04;
 const RESTS: usize = 6;
 
 /// The parts of a course of PWM, by rows.

@@ -187,16 +187,33 @@ fn a_model_of_another_gripper_estimates_none_of_the_public_squeezes() {
         return;
     };
     let dir = TempDir::new().unwrap();
-    let simulate = ["forearm", "simulate", "--out", "own.npz", "--repetitions", "5"];
-    succeeds(&dir, &simulate);
-    succeeds(&dir, &["forearm", "train", "own.npz", "--out", "own.model"]);
-    let args = ["forearm", "estimate", "own.model", public.to_str().unwrap()];
-    let (out, err) = texts(&taxel(&dir, &args));
-    assert_eq!(out, "");
-    let refused = err.lines().filter(|line| line.contains("is it the same gripper"));
-    assert!(refused.count() > 700, "{err}");
-    let (out, _) = succeeds(&dir, &["forearm", "estimate", "own.model", "own.npz"]);
-    assert_eq!(out.lines().count(), 65);
+    // The line of the first looks at five phases alone.
+    let mut err = String::new();
+    for (seed, repetitions) in [("4", "20"), ("1", "5")] {
+        let simulate = ["forearm", "simulate", "--out", "own.npz", "--seed", seed];
+        succeeds(&dir, &[&simulate[..], &["--repetitions", repetitions]].concat());
+        succeeds(&dir, &["forearm", "train", "own.npz", "--out", "own.model"]);
+        let args = ["forearm", "estimate", "own.model", public.to_str().unwrap()];
+        let out;
+        (out, err) = texts(&taxel(&dir, &args));
+        assert_eq!(out, "", "seed {seed}");
+        let refused = err.lines().filter(|line| line.contains("the same gripper"));
+        assert_eq!(refused.count(), 780, "seed {seed}: {err}");
+    }
+    let synthetic =
+        "taxel: own.model: it was trained on a simulated forearm: what it says is no evidence about people";
+    assert_eq!(err.lines().next(), Some(synthetic));
+    let (out, err) = succeeds(&dir, &["forearm", "estimate", "own.model", "own.npz"]);
+    assert_eq!((out.lines().count(), err.trim()), (65, synthetic));
+    let public = public.to_str().unwrap();
+    succeeds(&dir, &["forearm", "train", public, "--out", "public.model"]);
+    let (_, err) = texts(&taxel(&dir, &["forearm", "estimate", "public.model", public]));
+    assert_eq!(err, "");
+    let (_, err) = texts(&taxel(&dir, &["forearm", "estimate", "public.model", "own.npz"]));
+    assert!(
+        err.contains("taxel: own.npz: its squeezes are of a simulated forearm, and those that the model was trained on are not"),
+        "{err}"
+    );
 }
 
 #[test]
@@ -249,190 +266,6 @@ fn the_angle_that_no_sensor_reads_is_printed_by_finger_and_sample() {
 }
 
 #[test]
-fn the_protocol_is_one_object_with_what_there_is() {
-    let dir = TempDir::new().unwrap();
-    succeeds(
-        &dir,
-        &[
-            "forearm",
-            "simulate",
-            "--out",
-            "session.npz",
-            "--repetitions",
-            "3",
-        ],
-    );
-    let (out, _) = succeeds(
-        &dir,
-        &["forearm", "eval", "session.npz", "--repetitions", "1", "--json"],
-    );
-    let report: Value = serde_json::from_str(&out).unwrap();
-    assert_eq!(
-        (&report["repetitions"], &report["simulated"]),
-        (&json!(1), &json!(true))
-    );
-    // All that people are told, too.
-    for (rows, count) in [("disturbed", 16), ("gains", 6), ("early", 12), ("procedures", 5)] {
-        let rows = report[rows].as_array().unwrap();
-        assert_eq!(rows.len(), count, "{out}");
-        assert!(
-            rows.iter()
-                .all(|row| row["macro_rmse"].is_f64() && row["refused"].is_u64())
-        );
-    }
-    assert_eq!(report["places_left_out"]["places"].as_array().unwrap().len(), 13);
-    assert_eq!(report["chosen"][0]["times"], 1);
-    for place in report["kinesthetic"]["places"].as_array().unwrap() {
-        for key in [
-            "location_percent",
-            "rmse",
-            "mae",
-            "min",
-            "q1",
-            "median",
-            "q3",
-            "max",
-            "range",
-            "coverage_90",
-        ] {
-            assert!(place[key].is_f64(), "{key}: {place}");
-        }
-    }
-    let brief = [
-        "forearm",
-        "eval",
-        "session.npz",
-        "--repetitions",
-        "1",
-        "--json",
-        "--brief",
-    ];
-    let (brief, _) = succeeds(&dir, &brief);
-    let brief: Value = serde_json::from_str(&brief).unwrap();
-    assert!(brief["kinesthetic"]["places"].is_array() && brief["disturbed"].is_null());
-    // Three squeezes a place: two are trained on. What fuses was trained on some of every place that it is judged at.
-    for (source, at_new) in [
-        ("kinesthetic", true),
-        ("tactile", true),
-        ("fused", false),
-        ("fused_unseen", true),
-    ] {
-        assert!(report[source]["coverage_90_trained"].is_f64(), "{source}: {out}");
-        assert_eq!(
-            report[source]["coverage_90_new"].is_f64(),
-            at_new,
-            "{source}: {out}"
-        );
-    }
-    for source in ["kinesthetic", "tactile", "fused", "fused_unseen"] {
-        for key in [
-            "macro_rmse",
-            "macro_mae",
-            "pooled_rmse",
-            "pooled_mae",
-            "coverage_90",
-            "train_s",
-            "estimate_us",
-        ] {
-            assert!(
-                report[source][key].as_f64().is_some_and(f64::is_finite),
-                "{source} {key}: {out}"
-            );
-        }
-    }
-}
-
-#[test]
-fn a_row_without_an_estimate_says_why_and_hides_no_other() {
-    let dir = TempDir::new().unwrap();
-    let simulate = ["forearm", "simulate", "--out", "all.npz", "--repetitions", "3"];
-    succeeds(&dir, &simulate);
-    // So few samples that after a twentieth of a squeeze there is only its first.
-    let mut session = Session::open(&dir.path().join("all.npz")).unwrap();
-    for trial in &mut session.trials {
-        trial.squeeze = trial.squeeze.filtered(|row| row % 5 == 0);
-        trial.squeeze.tactile = None;
-    }
-    session.write_npz(&dir.path().join("few.npz")).unwrap();
-    let eval = ["forearm", "eval", "few.npz", "--repetitions", "1"];
-    let (told, _) = succeeds(&dir, &eval);
-    let (json, _) = succeeds(&dir, &[&eval[..], &["--json"]].concat());
-    let report: Value = serde_json::from_str(&json).unwrap();
-    let early = report["early"].as_array().unwrap();
-    let (first, last) = (&early[0], &early[early.len() - 1]);
-    let why = first["why"].as_str().unwrap();
-    let judged = report["kinesthetic"]["places"].as_array().unwrap();
-    assert!(why.contains("1 samples are no squeeze"), "{why}");
-    assert!(
-        first["macro_rmse"].is_null() && last["macro_rmse"].is_f64(),
-        "{json}"
-    );
-    assert!(
-        first["refused"].as_u64().unwrap() >= judged.len() as u64,
-        "{json}"
-    );
-    let line = told
-        .lines()
-        .find(|line| line.contains("after 5 % of its time"))
-        .unwrap();
-    assert!(line.ends_with(&format!("refused: all, because {why}")), "{line}");
-    let figures = [
-        "forearm",
-        "figures",
-        "few.npz",
-        "--out",
-        "figures",
-        "--repetitions",
-        "1",
-    ];
-    succeeds(&dir, &figures);
-    let drawn = |folder: &str, file: &str| fs::read_to_string(dir.path().join(folder).join(file)).unwrap();
-    let title = |folder: &str| {
-        assert!(
-            drawn(folder, "forearm-07.svg")
-                .contains("Estimates at each place, all repetitions (simulated forearm)")
-        );
-        drawn(folder, "forearm-early.svg").contains("from the angles alone")
-    };
-    assert!(!title("figures"), "there is no touch in it");
-    let figures = figures.map(|word| match word {
-        "few.npz" => "all.npz",
-        "figures" => "touched",
-        word => word,
-    });
-    let (out, _) = succeeds(&dir, &[&["forearm", "figures", "--json"], &figures[2..]].concat());
-    let files: Vec<Value> = out
-        .lines()
-        .map(|line| serde_json::from_str(line).unwrap())
-        .collect();
-    assert!(
-        files.len() == 8 && files[0] == json!({ "file": "touched/forearm-05.svg" }),
-        "{out}"
-    );
-    assert!(title("touched"));
-    for file in ["forearm-07.csv", "forearm-08.csv"] {
-        for (folder, sources) in [
-            ("figures", &["kinesthetic"][..]),
-            ("touched", &["kinesthetic", "tactile", "fused"]),
-        ] {
-            let numbers = drawn(folder, file);
-            for source in ["kinesthetic", "tactile", "fused"] {
-                let is_there = numbers.contains(&format!(",{source},"));
-                assert_eq!(is_there, sources.contains(&source), "{folder}/{file}: {source}");
-            }
-        }
-    }
-    for file in ["forearm-05.svg", "forearm-08.svg", "forearm-early.svg"] {
-        assert!(drawn("touched", file).contains("(simulated forearm)"), "{file}");
-    }
-    let numbers = fs::read_to_string(dir.path().join("figures/forearm-early.csv")).unwrap();
-    assert!(
-        numbers.contains("squeezes without an estimate,5,100"),
-        "{numbers}"
-    );
-}
-
-#[test]
 fn options_that_would_do_nothing_are_refused() {
     let dir = TempDir::new().unwrap();
     for (arguments, words) in [
@@ -464,32 +297,4 @@ fn options_that_would_do_nothing_are_refused() {
         let error = fails(&dir, &["forearm", "record", "session", "--places", places], 2);
         assert!(error.contains("1, 2, 3, 4, 5, 7 or 13"), "{error}");
     }
-}
-
-#[test]
-fn touch_that_is_refused_in_a_squeeze_is_counted_and_ends_no_judgement() {
-    let dir = TempDir::new().unwrap();
-    succeeds(
-        &dir,
-        &["forearm", "simulate", "--out", "all.npz", "--repetitions", "3"],
-    );
-    let mut session = Session::open(&dir.path().join("all.npz")).unwrap();
-    // At the second place, which single estimators are judged at and fusion learns from.
-    let odd = session
-        .trials
-        .iter_mut()
-        .find(|trial| trial.location_percent > 0.0);
-    odd.unwrap()
-        .squeeze
-        .tactile
-        .iter_mut()
-        .for_each(|counts| counts.fill(255));
-    session.write_npz(&dir.path().join("odd.npz")).unwrap();
-    let args = ["forearm", "eval", "odd.npz", "--repetitions", "1", "--brief"];
-    let (out, _) = succeeds(&dir, &args);
-    assert!(out.contains("1 refused: the tactile images are "), "{out}");
-    let (out, _) = succeeds(&dir, &[&args[..], &["--json"]].concat());
-    let report: Value = serde_json::from_str(&out).unwrap();
-    let refused = ["kinesthetic", "tactile", "fused"].map(|of| report[of]["refused"].as_u64());
-    assert_eq!(refused, [Some(0), Some(1), Some(0)]);
 }

@@ -17,6 +17,7 @@ mod extension;
 mod figures;
 mod files;
 mod forearm;
+mod forearm_eval;
 mod forearm_scene;
 mod foxglove;
 mod interfaces;

@@ -36,10 +36,10 @@ const OFF_DEG: f64 = 0.5;
 /// Where angles are lost there is a line for every so many steps only.
 const STAGE_OF_FEWER: usize = 6;
 /// Whole squeezes that are so many times as far from those of the training as the furthest of these is are another
-/// gripper's. Public ones, whatever happens to them in `taxel forearm eval`, are 5 times as far at most, and 11 times where four
-/// squeezes a place are trained on; those under a model of the simulated forearm 13 times at least.
-const UNLIKE: f64 = 12.0;
-/// Whole is what comes to the end of the training's squeezes, to this phase.
+/// gripper's. Public ones, whatever happens to them in `taxel forearm eval`, are 3 times as far at most, and one of a thousand is
+/// this far where four squeezes a place are trained on; those under models of simulated forearms are all further.
+const UNLIKE: f64 = 10.0;
+/// Whole is what begins where the training's squeezes do and comes to their end, to this phase.
 const ABOUT: f64 = 0.02;
 
 /// The kinesthetic estimator: partial least squares on the fingers' angles at phases of the squeeze. What is looked at is
@@ -113,7 +113,7 @@ impl Kinesthetic {
                 let rows = set.rows(reading);
                 Reading {
                     regression: Regression::train(&rows, chosen.choice, every),
-                    domain: Domain::of(&rows, chosen.choice),
+                    domain: Domain::of(&rows),
                 }
             })
         };
@@ -266,7 +266,7 @@ impl Estimator for Kinesthetic {
         let compared = made
             .domain
             .as_ref()
-            .filter(|_| course.reached() >= self.reached - ABOUT);
+            .filter(|_| course.reached() >= self.reached - ABOUT && !self.profile.begins_late(squeeze));
         let times = compared.map_or(0.0, |domain| domain.times_as_far(&features));
         if times > UNLIKE {
             return Err(ForearmError::Unlike { times });

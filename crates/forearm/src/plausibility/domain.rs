@@ -1,13 +1,16 @@
-//! Whether angles are those of the training's gripper: how far the features that a line looks at are from those of the
+//! Whether angles are those of the training's gripper: how far they are, at phases all over the squeeze, from those of the
 //! training (Hotelling's T² of their principal components, and Q, what these leave of them).
 
 use crate::phase::PHASES;
-use crate::regression::{Choice, Rows, picks_until};
+use crate::regression::{Rows, picks_evenly};
 use serde::{Deserialize, Serialize};
 use taxel_palpation::{Matrix, Pca, Solver};
 
 /// Of fewer squeezes at a place it is not told what others may be like.
 const LEAST_SQUEEZES: usize = 4;
+/// Phases that are looked at, whichever a line looks at: six components leave next to nothing of the five phases that a choice
+/// may have, and tell nobody by it.
+const POINTS: usize = 16;
 /// Components of the features.
 const COMPONENTS: usize = 6;
 /// Features that differ by no more are the same, degrees: the squeezes of a training may be as like as one arm's in one
@@ -30,15 +33,14 @@ pub(crate) struct Domain {
 }
 
 impl Domain {
-    /// Of what a line of this choice looks at. How far squeezes of the training are is asked of the half of the repetitions
-    /// that each is not of: to its own, one of few is near. None where a place has few, or all are the same: nothing tells
-    /// them from others.
-    pub(crate) fn of(rows: &Rows, choice: Choice) -> Option<Self> {
+    /// How far squeezes of the training are is asked of the half of the repetitions that each is not of: to its own, one of
+    /// few is near. None where a place has few, or all are the same: nothing tells them from others.
+    pub(crate) fn of(rows: &Rows) -> Option<Self> {
         let at = |place| rows.places.iter().filter(|at| **at == place).count();
         if (0..rows.percents.len()).any(|place| at(place) < LEAST_SQUEEZES) {
             return None;
         }
-        let picks = picks_until(rows.columns, choice, PHASES - 1);
+        let picks = picks_evenly(rows.columns, POINTS);
         let halves = rows.parts(2);
         let mut domain = Self::fit(rows, &picks, (0..halves.len()).collect())?;
         for half in [0, 1] {

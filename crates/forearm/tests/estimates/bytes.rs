@@ -21,8 +21,8 @@ fn a_model_comes_back_from_its_bytes_and_nothing_else_is_one() {
         );
     };
     refused(
-        &text.replacen("\"version\":5", "\"version\":4", 1),
-        "of version 4, and 5 is read; train it again",
+        &text.replacen("\"version\":6", "\"version\":5", 1),
+        "of version 5, and 6 is read; train it again",
     );
     refused(
         &text.replacen("forearm model", "palm model", 1),
