@@ -20,8 +20,8 @@ const CHECKPOINTS: Duration = Duration::from_secs(60);
 pub struct Plan {
     /// What the kinesthetic network takes for time.
     pub reading: Reading,
-    /// Fewer epochs than the article's, for a try, of the two networks that are fed squeezes. Fusion, which takes half a minute, has
-    /// all of its own: after few it says what its first weights say.
+    /// Fewer epochs than the article's, for a try, of the two networks that are fed squeezes. Fusion, which takes half a
+    /// minute, has all of its own: after few it says what its first weights say.
     pub epochs: Option<usize>,
     /// Where checkpoints are kept, if they are; what is found there is gone on with.
     pub folder: Option<PathBuf>,

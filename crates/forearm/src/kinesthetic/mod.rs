@@ -36,8 +36,9 @@ const OFF_DEG: f64 = 0.5;
 /// Where angles are lost there is a line for every so many steps only.
 const STAGE_OF_FEWER: usize = 6;
 /// Whole squeezes that are so many times as far from those of the training as the furthest of these is are another
-/// gripper's. Public ones, whatever happens to them in `taxel forearm eval`, are 3 times as far at most, and one of some thousand is
-/// this far where four squeezes a place are trained on; those under models of simulated forearms are all further.
+/// gripper's. Public ones, whatever happens to them in `taxel forearm eval`, are 3 times as far at most, and one of some
+/// thousand is this far where four squeezes a place are trained on; those under models of simulated forearms are all
+/// further.
 const UNLIKE: f64 = 10.0;
 /// Whole is what begins where the training's squeezes do and comes to their end, to this phase.
 const ABOUT: f64 = 0.02;
