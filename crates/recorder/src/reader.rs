@@ -86,6 +86,8 @@ pub struct RecordingReader {
     message: Vec<u8>,
     /// Bytes of the files before this one.
     bytes_before: u64,
+    /// Bytes read of this one.
+    bytes_read: u64,
     /// Where in it the next record begins.
     next_record: u64,
     left_out: LeftOut,
@@ -175,6 +177,7 @@ impl RecordingReader {
             channels: HashMap::new(),
             message: Vec::new(),
             bytes_before: 0,
+            bytes_read: 0,
             next_record: MAGIC.len() as u64,
             left_out: LeftOut::default(),
             ended: false,
@@ -212,6 +215,7 @@ impl RecordingReader {
         self.left_out = LeftOut::default();
         self.bytes_before += self.file.metadata().map_or(self.next_record, |file| file.len());
         self.file = open(&part)?;
+        self.bytes_read = 0;
         self.path = part;
         (self.records, self.chunk) = (records(), None);
         self.channels.clear();
@@ -327,6 +331,7 @@ impl RecordingReader {
             source,
         })?;
         self.records.notify_read(read);
+        self.bytes_read += read as u64;
         Ok(())
     }
 
@@ -361,7 +366,9 @@ impl RecordingReader {
 
     /// Bytes of its files in front of the item that was given last; what was read ahead is not among them.
     pub fn position(&self) -> u64 {
-        self.bytes_before + self.chunk.as_ref().map_or(self.next_record, Chunk::position)
+        let in_this = self.chunk.as_ref().map_or(self.next_record, Chunk::position);
+        // A file may be shorter than what the first record is behind.
+        self.bytes_before + in_this.min(self.bytes_read)
     }
 }
 
