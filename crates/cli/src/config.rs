@@ -1,5 +1,6 @@
 //! `taxel config`: the daemon's configuration file.
 
+use crate::doctor::{capacity, link};
 use anyhow::{Context, bail};
 use serde_json::json;
 use std::io::Read;
@@ -173,14 +174,24 @@ fn init(name: &str, sources: &[SourceAddress]) -> anyhow::Result<String> {
             buses[array]
         );
     }
-    let text = text_for(&layout, name, sources);
+    let is_can = |source: &SourceAddress| matches!(source, SourceAddress::Can { .. });
+    let trigger_hz = match sources.iter().all(is_can) {
+        true => capacity::trigger_hz(&layout, link::BITRATE),
+        false => None,
+    };
+    let text = text_for(&layout, name, sources, trigger_hz)?;
     Config::parse(&text, Path::new("taxeld.toml"))?;
     Ok(text)
 }
 
 /// The text of a file for a hand that it calls `name`, with every key at its default; buses without a source are
-/// interfaces of their names.
-pub(crate) fn text_for(layout: &Layout, name: &str, sources: &[SourceAddress]) -> String {
+/// interfaces of their names. Its boards are triggered where a rate is given.
+pub(crate) fn text_for(
+    layout: &Layout,
+    name: &str,
+    sources: &[SourceAddress],
+    trigger_hz: Option<f64>,
+) -> anyhow::Result<String> {
     let mut text = format!(
         "# taxeld's configuration. What stands behind # is the default; `taxel config check` says what is wrong.\n\n\
          # The hand: a built-in one (`taxel layouts`), or a layout file.\nlayout = {}\n",
@@ -195,7 +206,27 @@ pub(crate) fn text_for(layout: &Layout, name: &str, sources: &[SourceAddress]) -
             toml::Value::from(source)
         );
     }
-    text + ANNOTATED
+    text += ANNOTATED;
+    match trigger_hz {
+        Some(hz) => triggered(&text, hz),
+        None => Ok(text),
+    }
+}
+
+/// The configuration with `[boards]` triggered.
+fn triggered(config: &str, hz: f64) -> anyhow::Result<String> {
+    let at = config.find("\n[boards]\n").context("a table [boards]")?;
+    let (above, boards) = config.split_at(at);
+    let mode = "#mode = \"free-running\"";
+    let why = "# What all boards of this hand send on their own timer is more than a CAN bus carries.\nmode = \"triggered\"";
+    let boards = boards.replacen(mode, why, 1);
+    let rate = format!("trigger_hz = {hz:.1}");
+    let default = boards
+        .lines()
+        .find(|line| line.starts_with("#trigger_hz = "))
+        .context("a key trigger_hz")?
+        .to_owned();
+    Ok(format!("{above}{}", boards.replacen(&default, &rate, 1)))
 }
 
 /// Every value in force, with the hand as the file names it.

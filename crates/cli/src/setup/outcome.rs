@@ -64,14 +64,14 @@ impl Outcome {
             Origin::BuiltIn(name) => name.clone(),
             _ => layout.as_ref().map_or(String::new(), LayoutFile::name),
         };
-        let mut config = text_for(&hand.layout, &name, &hand.sources);
-        if let Some(hz) = capacity::trigger_hz(&hand.layout, link::BITRATE) {
+        let trigger_hz = capacity::trigger_hz(&hand.layout, link::BITRATE);
+        if let Some(hz) = trigger_hz {
             say(&format!(
                 "A bus does not carry what its boards send by themselves: uSkin boards, which would send 100 sweeps a second, \
                  are triggered {hz} times a second instead."
             ));
-            config = triggered(&config, hz)?;
         }
+        let mut config = text_for(&hand.layout, &name, &hand.sources, trigger_hz)?;
         config += &hand.joints;
         let outcome = Self {
             config_path: config_path.into(),
@@ -257,21 +257,6 @@ pub(super) fn may_write(path: &Path, force: bool, answers: &Answers) -> anyhow::
         );
     }
     OutputFile::begin(path).map(drop)
-}
-
-/// The configuration with `[boards]` triggered.
-fn triggered(config: &str, hz: f64) -> anyhow::Result<String> {
-    let at = config.find("\n[boards]\n").context("a table [boards]")?;
-    let (above, boards) = config.split_at(at);
-    let mode = "#mode = \"free-running\"";
-    let boards = boards.replacen(mode, "mode = \"triggered\"", 1);
-    let rate = format!("trigger_hz = {hz:.1}");
-    let default = boards
-        .lines()
-        .find(|line| line.starts_with("#trigger_hz = "))
-        .context("a key trigger_hz")?
-        .to_owned();
-    Ok(format!("{above}{}", boards.replacen(&default, &rate, 1)))
 }
 
 #[cfg(test)]

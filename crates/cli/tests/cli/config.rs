@@ -43,6 +43,23 @@ fn a_file_to_start_from_is_one_that_is_well_for_every_hand_with_buses() {
 }
 
 #[test]
+fn boards_that_are_too_many_for_their_bus_are_triggered_in_a_file_to_start_from() {
+    let dir = TempDir::new().unwrap();
+    let boards_of = |options: &[&str]| {
+        let (text, _) = succeeds(&dir, &[&["config", "init"], options].concat());
+        let config: toml::Table = text.parse().unwrap();
+        config["boards"].as_table().unwrap().clone()
+    };
+    // Eight modules on a bus, as /etc/taxeld/taxeld.toml of the service has them.
+    let boards = boards_of(&[]);
+    assert_eq!(boards["mode"].as_str(), Some("triggered"), "{boards}");
+    assert_eq!(boards["trigger_hz"].as_float(), Some(49.0), "{boards}");
+    // One module has the bus for itself, and simulated and recorded boards need none.
+    assert!(boards_of(&["--layout", "uskin-module"]).is_empty());
+    assert!(boards_of(&["--source", "udp:", "--source", "udp::43114"]).is_empty());
+}
+
+#[test]
 fn an_array_too_great_for_simulated_boards_is_said_to_be_a_pressure_array() {
     let dir = TempDir::new().unwrap();
     let init = |grid| fails(&dir, &["config", "init", "--layout", grid], 1);
