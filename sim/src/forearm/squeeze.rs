@@ -151,7 +151,7 @@ mod tests {
     }
 
     #[test]
-    fn the_articles_profile_goes_to_nine_tenths_and_back() {
+    fn the_articles_ramp_goes_to_nine_tenths_and_back() {
         let squeeze = SimulatedForearm::new(1, Ramp::Article).squeeze(0.2, 3).unwrap();
         let most = squeeze.pwm.iter().fold(0.0, |a: f64, b| a.max(*b)) / 8.85;
         assert!((88.0..=92.0).contains(&most), "{most}");

@@ -19,7 +19,7 @@ const MOST: usize = 200;
 #[command(after_help = "\
 Examples:
   taxel forearm simulate --out synthetic.npz
-  taxel forearm simulate --out synthetic.npz --profile article --seed 2
+  taxel forearm simulate --out synthetic.npz --ramp article --seed 2
   taxel forearm eval synthetic.npz")]
 pub(crate) struct Args {
     /// Where to write the session
@@ -32,8 +32,8 @@ pub(crate) struct Args {
     #[arg(long, value_name = "N", default_value_t = 1)]
     seed: u64,
     /// How PWM rises and falls: data (the publication's data, to 46 %) or article (its text, to 90 %)
-    #[arg(long, value_name = "PROFILE", default_value = "data")]
-    profile: Ramp,
+    #[arg(long, alias = "profile", value_name = "NAME", default_value = "data")]
+    ramp: Ramp,
     /// One JSON object: {"out", "squeezes", "places"}
     #[arg(long)]
     json: bool,
@@ -47,7 +47,7 @@ pub(crate) fn run(args: &Args) -> anyhow::Result<String> {
         )));
     }
     let mut file = OutputFile::begin(&args.out)?;
-    let forearm = SimulatedForearm::new(args.seed, args.profile);
+    let forearm = SimulatedForearm::new(args.seed, args.ramp);
     let session = session(forearm, &(0..PLACES).collect::<Vec<_>>(), args.repetitions)?;
     session.write_npz(file.path())?;
     file.finish()?;

@@ -54,7 +54,7 @@ fn a_simulated_session_can_be_trained_on() {
     assert!(err.contains("--repetitions 0; give 1 to 200"), "{err}");
     let err = fails(
         &dir,
-        &["forearm", "simulate", "--out", "s.npz", "--profile", "fast"],
+        &["forearm", "simulate", "--out", "s.npz", "--ramp", "fast"],
         2,
     );
     assert!(err.contains("there are data and article"), "{err}");
