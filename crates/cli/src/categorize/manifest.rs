@@ -2,10 +2,11 @@
 
 use super::touches::{Set, above_baseline, of_scene, open, places, taken_for, values};
 use anyhow::{Context, anyhow, bail, ensure};
+use std::collections::HashMap;
 use std::fs::File;
 use std::io::Read;
 use std::path::{Path, PathBuf};
-use taxel_hand::did_you_mean;
+use taxel_hand::{did_you_mean, plural};
 use taxel_record::{FileKind, ReadOptions, Recording};
 use taxel_sequence::{Motion, Touch};
 
@@ -27,6 +28,10 @@ struct Row {
     file: String,
     /// Where in the file the touch begins, s; its whole length where it is empty.
     time: Option<f64>,
+    /// Where no row of its file has a time, the steps of the longest motion that any of them has: frames behind these are of
+    /// no touch.
+    #[serde(skip)]
+    longest: Option<usize>,
 }
 
 impl Row {
@@ -214,7 +219,23 @@ pub(crate) fn read_manifest(path: &Path, options: &ReadOptions) -> anyhow::Resul
         }
     }
     ensure!(!jobs.is_empty(), "{}: no touch in it", path.display());
+    find_longest(&mut jobs);
     Ok(jobs)
+}
+
+/// Fills in `longest` of each row: motions to several depths may be cut out of one file.
+fn find_longest(jobs: &mut [Job]) {
+    let mut of_file: HashMap<String, Option<usize>> = HashMap::new();
+    for job in &*jobs {
+        for (_, row) in &job.rows {
+            let steps = job.motion.filter(|_| row.time.is_none()).map(Motion::steps);
+            let longest = of_file.entry(row.file.clone()).or_insert(steps);
+            *longest = longest.zip(steps).map(|(a, b)| a.max(b));
+        }
+    }
+    for (_, row) in jobs.iter_mut().flat_map(|job| &mut job.rows) {
+        row.longest = of_file[&row.file];
+    }
 }
 
 impl Job {
@@ -247,6 +268,7 @@ impl Job {
             labels: Vec::new(),
             period_s: 0.0,
             rest_ms: None,
+            beyond: 0,
         };
         for (line, row) in &self.rows {
             if opened.last().is_none_or(|(name, _)| *name != row.file) {
@@ -272,6 +294,23 @@ impl Job {
                 }
             }
             let touch = self.touch(row, recording).with_context(|| at(line))?;
+            let beyond = row
+                .longest
+                .map_or(0, |longest| recording.len().saturating_sub(longest));
+            // Once, and not again by each shallower motion.
+            let is_longest = self.motion.map(Motion::steps) == row.longest;
+            if beyond > 0 && is_longest && set.beyond == 0 {
+                remark!(
+                    "taxel: {}: {} has {}, and the longest motion that is cut out of it {} steps, a frame each, the first of \
+                     them {}; those behind are left out, and so of other files",
+                    at(line),
+                    row.file,
+                    plural(recording.len(), "frame"),
+                    recording.len() - beyond,
+                    self.motion.map_or("", Motion::first)
+                );
+            }
+            set.beyond += beyond;
             set.period_s = set.period_s.max(recording.period_ns() as f64 / 1e9);
             set.touches.push(touch);
             set.labels.push(row.label.clone());

@@ -404,7 +404,7 @@ fn report(
         first: aligned.first,
         step: aligned.step,
         steps: aligned.steps,
-        frames_left_out: aligned.left_out,
+        frames_left_out: aligned.left_out + set.beyond,
         explained_variance,
         proved: categories.proved,
         attempts: categories.attempts,

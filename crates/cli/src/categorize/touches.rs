@@ -31,6 +31,8 @@ pub(crate) struct Set {
     pub(super) period_s: f64,
     /// How long the probe rested on each step, ms, where it made more than one image of it.
     pub(crate) rest_ms: Option<f64>,
+    /// Frames of files behind the last step of every motion that is cut out of them.
+    pub(super) beyond: usize,
 }
 
 /// Without `--step`, steps are at most this many times the time between frames. Frames of a live hand come late by less; more
@@ -203,6 +205,7 @@ pub(super) fn open(path: &Path, options: &ReadOptions) -> anyhow::Result<Recordi
         Some(FileKind::Mcap) => recorded::frames(path),
         _ => Ok(Recording::open(path, options)?),
     }
+        beyond: 0,
 }
 
 /// The class that a mark names: its last word, where there are several, as in `touch 5 SS`.
@@ -353,6 +356,7 @@ impl Cutter {
             touches: touches.collect(),
             marks,
             motion: palpation.motion(),
+        beyond: 0,
             step_ns: palpation.step_ns(),
             baseline: Vec::new(),
         }
