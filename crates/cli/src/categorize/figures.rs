@@ -259,7 +259,7 @@ impl Figures<'_> {
     /// Figure 13: silhouettes over depth for each number of categories, in all readings.
     fn abstractions(&self) -> Sheet {
         let mut sheet = Sheet::new("Silhouette and accuracy over depth, vertical")
-            .columns(4)
+            .columns(READINGS.len())
             .panel_size(320, 280);
         for phantom in phantoms(self.trials) {
             for (name, value) in READINGS {

@@ -39,7 +39,8 @@ use touches::{Cutting, Set};
 /// components, and clustered. Where the classes of touches are known, the categories are compared with them.
 ///
 /// Silhouettes come in three readings that differ by much: per category as the publication prints it, averaged per
-/// category (macro), and over touches (standard, scikit-learn's).
+/// category (macro), and over touches (standard, scikit-learn's). Where classes are known, they have one too: how well the
+/// map keeps them apart.
 #[derive(Debug, clap::Args)]
 #[command(after_help = "\
 Examples:
@@ -78,6 +79,9 @@ pub(crate) struct Args {
     /// Radius of the motion, mm; 0 is straight down
     #[arg(long, value_name = "MM", default_value_t = 0.0)]
     radius: f64,
+    /// Only the last so many mm of motions straight down [default: all of them]. The publication's own program takes 6.5
+    #[arg(long, value_name = "MM", conflicts_with = "live", value_parser = number("window", 0.5..=40.0))]
+    window: Option<f64>,
     /// From one step to the next: mm, degrees or s [default: the motion's, or the time between frames; where some came late, up to
     /// four times that]
     #[arg(long, value_name = "STEP", value_parser = number("step", 1e-6..=1e6))]
@@ -199,13 +203,15 @@ struct Report {
     map: Vec<Vec<f64>>,
 }
 
-/// The silhouette in three readings.
+/// The silhouette of the categories in three readings, and of the true classes.
 #[derive(Debug, Serialize)]
 struct Readings {
     cluster: f64,
     #[serde(rename = "macro")]
     macro_average: f64,
     standard: f64,
+    /// The standard one of the true classes in place of the categories; null where they are not known.
+    classes: Option<f64>,
 }
 
 /// Draws of the bootstrap.
@@ -223,6 +229,7 @@ pub(crate) fn run(args: &Args) -> anyhow::Result<()> {
         Some(manifest) => sweep::run(
             manifest,
             &args.of_recordings(),
+            args.window,
             args.figures.as_deref(),
             args.seed,
             args.json,
@@ -332,7 +339,7 @@ fn categorize(args: &Args) -> anyhow::Result<(Set, Report)> {
             "--rule paper has no way of choosing --classes {from}-{to}; give one number"
         )));
     }
-    let set = read(args)?;
+    let set = read(args)?.last_mm(args.window)?;
     let aligned = set.align(args.step)?;
     let touches = matrix(&aligned);
     let solver = match args.solver {
@@ -390,6 +397,12 @@ fn report(
         .as_ref()
         .map(|(_, classes)| Agreement::of(&categories.labels, classes))
         .transpose()?;
+    let of_classes = known
+        .as_ref()
+        .filter(|(names, _)| names.len() > 1)
+        .map(|(_, classes)| Silhouette::of(map, classes))
+        .transpose()?
+        .map(|silhouette| silhouette.standard);
     let classes = known.map(|(names, _)| names).unwrap_or_default();
     let stands_for = |a: &Agreement| {
         a.class_of
@@ -412,6 +425,7 @@ fn report(
             cluster: silhouette.cluster,
             macro_average: silhouette.macro_average,
             standard: silhouette.standard,
+            classes: of_classes,
         },
         stability: stability(map, &categories.labels, DRAWS, seed)?,
         class_of_label: agreement.as_ref().map(stands_for).unwrap_or_default(),
@@ -450,6 +464,12 @@ fn human(set: &Set, report: &Report) -> String {
         "  silhouette             {:.3} per category as printed, {:.3} macro, {:.3} standard",
         s.cluster, s.macro_average, s.standard
     );
+    if let Some(classes) = s.classes {
+        let _ = writeln!(
+            text,
+            "  ... of the classes     {classes:.3} standard, whatever the categories"
+        );
+    }
     let _ = writeln!(
         text,
         "  found again            {:.3} (mean ARI of {DRAWS} draws)",

@@ -15,6 +15,7 @@ use taxel_record::ReadOptions;
 pub(super) fn run(
     manifest: &Path,
     options: &ReadOptions,
+    window: Option<f64>,
     folder: Option<&Path>,
     seed: u64,
     json: bool,
@@ -23,7 +24,7 @@ pub(super) fn run(
     if let Some(folder) = folder {
         std::fs::create_dir_all(folder).with_context(|| folder.display().to_string())?;
     }
-    let trials = trials(&jobs, seed)?;
+    let trials = trials(&jobs, window, seed)?;
     let rows: Vec<&Row> = trials.iter().flat_map(|trial| &trial.rows).collect();
     if let Some(folder) = folder {
         let path = folder.join("sweep.csv");
@@ -41,7 +42,7 @@ pub(super) fn run(
 }
 
 /// Every job on every processor.
-fn trials(jobs: &[Job], seed: u64) -> anyhow::Result<Vec<Trial>> {
+fn trials(jobs: &[Job], window: Option<f64>, seed: u64) -> anyhow::Result<Vec<Trial>> {
     let progress = Progress::new(jobs.len() as u64, "motions");
     let next = AtomicUsize::new(0);
     let done = Mutex::new(Vec::new());
@@ -50,7 +51,7 @@ fn trials(jobs: &[Job], seed: u64) -> anyhow::Result<Vec<Trial>> {
             let number = next.fetch_add(1, Ordering::Relaxed);
             jobs.get(number).map(|job| (number, job))
         } {
-            let trial = job.read().and_then(|set| judge(set, seed));
+            let trial = job.read().and_then(|set| judge(set.last_mm(window)?, seed));
             progress.advance(1);
             let failed = trial.is_err();
             done.lock()
@@ -114,10 +115,13 @@ fn summary(trials: &[Trial]) -> String {
                 let with = of(vertical)
                     .into_iter()
                     .filter_map(|t| Some((t.ranking.as_ref()?.1[n], t)));
-                with.max_by(|a, b| a.0.total_cmp(&b.0))
-                    .map_or_else(String::new, |(p, t)| {
-                        format!("{p:.3} at {} / {} mm", t.motion.depth_mm, t.motion.radius_mm)
-                    })
+                // Where no draw of any motion has the order, none is the best.
+                with.filter(|(p, _)| *p > 0.0)
+                    .max_by(|a, b| a.0.total_cmp(&b.0))
+                    .map_or_else(
+                        || "none".to_owned(),
+                        |(p, t)| format!("{p:.3} at {} / {} mm", t.motion.depth_mm, t.motion.radius_mm),
+                    )
             };
             let _ = writeln!(text, "  {name:<24}{:>26}{:>26}", sure(true), sure(false));
         }

@@ -69,6 +69,32 @@ impl Set {
         self.motion.map_or(Alignment::Time, |motion| motion.along())
     }
 
+    /// Only the last so many mm of a motion straight down; of one that turns, all. What is above is left out of each touch.
+    ///
+    /// # Errors
+    /// Where depths of frames are not known.
+    pub(super) fn last_mm(mut self, window: Option<f64>) -> anyhow::Result<Self> {
+        let Some(window) = window else {
+            return Ok(self);
+        };
+        let Some(motion) = self.motion else {
+            bail!(
+                "{}: --window {window} is of mm, and how deep each frame was is not known: say --depth, or in a manifest depth",
+                self.name
+            );
+        };
+        if motion.is_rotary() {
+            return Ok(self);
+        }
+        let from = motion.depth_mm - window + 1e-9;
+        for touch in &mut self.touches {
+            let before = touch.at.partition_point(|at| *at <= from);
+            touch.at.drain(..before);
+            touch.values.drain(..before * touch.taxels);
+        }
+        Ok(self)
+    }
+
     /// That so many frames are left out, and for which touch.
     pub(super) fn frames_left_out(&self, frames: usize) -> Option<String> {
         let way = |touch: &Touch| {
@@ -179,6 +205,7 @@ pub(crate) fn of_recording(
         labels: cuts.iter().map(|cut| label_of(&cut.mark).to_owned()).collect(),
         period_s: recording.period_ns() as f64 / 1e9,
         rest_ms: None,
+        beyond: 0,
     })
 }
 
@@ -205,7 +232,6 @@ pub(super) fn open(path: &Path, options: &ReadOptions) -> anyhow::Result<Recordi
         Some(FileKind::Mcap) => recorded::frames(path),
         _ => Ok(Recording::open(path, options)?),
     }
-        beyond: 0,
 }
 
 /// The class that a mark names: its last word, where there are several, as in `touch 5 SS`.
@@ -330,6 +356,7 @@ pub(crate) fn of_scene(name: &str, motion: Option<Motion>) -> anyhow::Result<Set
         labels: palpation.classes().into_iter().map(str::to_owned).collect(),
         period_s: 0.05,
         rest_ms: Some(palpation.step_ns() as f64 / 1e6),
+        beyond: 0,
     })
 }
 
@@ -356,7 +383,6 @@ impl Cutter {
             touches: touches.collect(),
             marks,
             motion: palpation.motion(),
-        beyond: 0,
             step_ns: palpation.step_ns(),
             baseline: Vec::new(),
         }
@@ -411,6 +437,45 @@ mod tests {
             .collect();
         assert_eq!(of_first, [1., 2., 3., 1., 2., 3., 1., 2., 3., 4., 5., 6.]);
         assert!(values.chunks_exact(each).all(|frame| frame[3..] == [0.0; 3]));
+    }
+
+    #[test]
+    fn a_window_keeps_the_last_of_a_motion_down_and_all_of_one_that_turns() {
+        let set = |motion: Option<Motion>| {
+            let at: Vec<f64> = (0..13)
+                .map(|n| motion.map_or(0.0, |motion| motion.at(n)))
+                .collect();
+            Set {
+                name: String::new(),
+                phantom: String::new(),
+                motion,
+                touches: vec![Touch {
+                    name: String::new(),
+                    values: at.iter().flat_map(|at| [*at, -at]).collect(),
+                    at,
+                    taxels: 2,
+                }],
+                labels: vec![String::new()],
+                period_s: 0.0,
+                rest_ms: None,
+                beyond: 0,
+            }
+        };
+        let down = Motion::new(6.5, 0.0).ok();
+        let touch = set(down).last_mm(Some(1.0)).unwrap().touches.remove(0);
+        assert_eq!(
+            (touch.at, touch.values),
+            (vec![6.0, 6.5], vec![6.0, -6.0, 6.5, -6.5])
+        );
+        for (motion, window) in [
+            (down, Some(40.0)),
+            (down, None),
+            (Motion::new(6.5, 10.0).ok(), Some(1.0)),
+        ] {
+            assert_eq!(set(motion).last_mm(window).unwrap().touches[0].at.len(), 13);
+        }
+        let unknown = set(None).last_mm(Some(1.0)).unwrap_err().to_string();
+        assert!(unknown.contains("--window 1 is of mm"), "{unknown}");
     }
 
     #[test]

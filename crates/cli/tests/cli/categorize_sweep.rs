@@ -23,6 +23,82 @@ fn a_sweep_judges_every_motion_and_draws_what_it_can() {
     assert_eq!(numbers.lines().count(), 1 + 3 * 3, "{numbers}");
 }
 
+/// Eight places of two classes, touched down to 6 mm in files of `frames` frames; the classes differ in the last ones alone.
+fn touched(dir: &tempfile::TempDir, frames: usize) {
+    let mut rows = String::new();
+    for n in 0..8 {
+        let frame = |step: usize| {
+            let way = if step < 8 { n * 29 % 8 } else { 20 * (n % 2) };
+            format!("{},{}\n", 100 * step + 9 * way, 50 * step + way)
+        };
+        let text: String = (1..=frames).map(frame).collect();
+        std::fs::write(dir.path().join(format!("t{n}.csv")), text).unwrap();
+        for depth in [4, 6] {
+            rows += &format!("wood,vertical,{depth},0,{n},class {},t{n}.csv\n", n % 2);
+        }
+    }
+    let manifest = format!("phantom,motion,depth,radius,area,label,file\n{rows}");
+    std::fs::write(dir.path().join("own.csv"), manifest).unwrap();
+}
+
+#[test]
+fn a_window_leaves_what_is_above_it_out_of_motions_down() {
+    let dir = tempfile::tempdir().unwrap();
+    touched(&dir, 12);
+    let row = |options: &[&str]| {
+        let args = [&["categorize", "--sweep", "own.csv", "--json"][..], options].concat();
+        let (out, told) = succeeds(&dir, &args);
+        assert!(!told.contains("left out"), "{told}");
+        let rows: serde_json::Value = serde_json::from_str(&out).unwrap();
+        assert_eq!(rows[1]["depth_mm"], 6.0, "{rows}");
+        let of = |key: &str| rows[1][key].as_f64().unwrap();
+        (of("features"), of("silhouette_classes"), of("accuracy"))
+    };
+    // The last four steps are where classes differ.
+    let (all, window) = (row(&[]), row(&["--window", "2"]));
+    assert_eq!((all.0, window.0), (24.0, 8.0));
+    assert!(window.1 > 0.99 && window.2 == 1.0, "{window:?}");
+    assert!(all.1 < 0.9, "{all:?}");
+    let one = [
+        "categorize",
+        "own.csv",
+        "--depth",
+        "6",
+        "--window",
+        "2",
+        "--classes",
+        "2",
+        "--json",
+    ];
+    let one: serde_json::Value = serde_json::from_str(&succeeds(&dir, &one).0).unwrap();
+    assert_eq!((&one["first"], &one["steps"]), (&4.5.into(), &4.into()), "{one}");
+    assert_eq!(one["silhouette"]["classes"], window.1, "{one}");
+}
+
+#[test]
+fn frames_behind_the_longest_motion_of_a_file_are_told_and_counted() {
+    let dir = tempfile::tempdir().unwrap();
+    touched(&dir, 13);
+    let args = [
+        "categorize",
+        "own.csv",
+        "--depth",
+        "6",
+        "--classes",
+        "2",
+        "--json",
+    ];
+    let (out, told) = succeeds(&dir, &args);
+    let out: serde_json::Value = serde_json::from_str(&out).unwrap();
+    assert_eq!(out["frames_left_out"], 8, "{out}");
+    let sentence = "t0.csv has 13 frames, and the longest motion that is cut out of it 12 steps, a frame each, the first of them \
+                    at 0.5 mm";
+    assert!(told.contains(sentence), "{told}");
+    // Each motion of a sweep leaves some out, and one sentence says so.
+    let (_, told) = succeeds(&dir, &["categorize", "--sweep", "own.csv"]);
+    assert_eq!(told.matches("has 13 frames").count(), 1, "{told}");
+}
+
 #[test]
 fn figures_of_other_classes_have_their_names_and_nothing_of_the_publications() {
     let dir = tempfile::tempdir().unwrap();
