@@ -1,36 +1,18 @@
-//! Lines for systemd's journal, each with its priority (sd-daemon(3)).
+//! Lines of the log for systemd's journal, each with its priority.
 
-use nix::sys::stat::fstat;
 use std::fmt;
+use taxel_journal::Priority;
 use tracing::{Event, Level, Subscriber};
 use tracing_subscriber::fmt::format::{Format, Full, Writer};
 use tracing_subscriber::fmt::{FmtContext, FormatEvent, FormatFields};
 use tracing_subscriber::registry::LookupSpan;
 
-/// Whether stderr is the journal's stream. A terminal that a service has opened inherits the variable as well, so it
-/// says which file is meant.
-pub(crate) fn is_stderr() -> bool {
-    let stream = std::env::var("JOURNAL_STREAM").unwrap_or_default();
-    match fstat(std::io::stderr()) {
-        Ok(file) => stream == format!("{}:{}", file.st_dev, file.st_ino),
-        Err(_) => false,
-    }
-}
-
-/// What stands before a line of this level where stderr is the journal.
-pub(crate) fn prefix(level: &Level) -> &'static str {
-    match is_stderr() {
-        true => priority(level),
-        false => "",
-    }
-}
-
-fn priority(level: &Level) -> &'static str {
+fn priority(level: &Level) -> Priority {
     match *level {
-        Level::ERROR => "<3>",
-        Level::WARN => "<4>",
-        Level::INFO => "<6>",
-        _ => "<7>",
+        Level::ERROR => Priority::Error,
+        Level::WARN => Priority::Warning,
+        Level::INFO => Priority::Info,
+        _ => Priority::Debug,
     }
 }
 
@@ -48,7 +30,7 @@ where
         mut line: Writer<'_>,
         event: &Event<'_>,
     ) -> fmt::Result {
-        line.write_str(priority(event.metadata().level()))?;
+        line.write_str(priority(event.metadata().level()).mark())?;
         self.0.format_event(context, line, event)
     }
 }

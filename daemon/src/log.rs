@@ -12,6 +12,7 @@ use std::sync::Arc;
 use std::sync::atomic::{AtomicU64, Ordering};
 use std::sync::mpsc::{Receiver, SyncSender, TrySendError, sync_channel};
 use std::time::{Duration, Instant};
+use taxel_journal::Priority;
 use tracing_subscriber::fmt::MakeWriter;
 
 /// Lines that may wait to be written.
@@ -65,10 +66,11 @@ fn write_lines(mut to: impl Write, lines: &Receiver<Vec<u8>>, lost: &AtomicU64) 
         let _ = to.write_all(&line);
         match lost.swap(0, Ordering::Relaxed) {
             0 => {}
-            lost => drop(writeln!(
-                to,
-                "{lost} lines are lost here: nobody read them as fast as they were written"
-            )),
+            lost => {
+                let said =
+                    format!("{lost} lines are lost here: nobody read them as fast as they were written");
+                let _ = to.write_all(Priority::Warning.lines(&said).as_bytes());
+            }
         }
         if line.is_empty() {
             return;

@@ -19,9 +19,9 @@ use signal_hook::low_level::signal_name;
 use std::io::Write;
 use std::process::ExitCode;
 use std::time::{Duration, Instant};
+use taxel_journal::Priority;
 use taxeld::log::{Flush, Log};
 use taxeld::{Arguments, Config, ConfigError, Daemon, MORE_FILES, StartError, service_manager, stdout};
-use tracing::Level;
 use tracing_subscriber::filter::{LevelFilter, Targets};
 use tracing_subscriber::layer::SubscriberExt;
 use tracing_subscriber::util::SubscriberInitExt;
@@ -37,7 +37,8 @@ fn main() -> ExitCode {
         Ok(log) => log,
         Err(error) => {
             let why = "cannot start the thread that writes the log";
-            let _ = writeln!(std::io::stderr(), "Error: {why}: {error}");
+            let said = Priority::Error.lines(&format!("Error: {why}: {error}"));
+            let _ = std::io::stderr().write_all(said.as_bytes());
             return ExitCode::FAILURE;
         }
     };
@@ -49,7 +50,7 @@ fn main() -> ExitCode {
         Ok(status) => status,
         Err(error) => {
             let (said, wants_files) = last_words(&error);
-            log.say(format!("{}Error: {said}\n", journal::prefix(&Level::ERROR)));
+            log.say(Priority::Error.lines(&format!("Error: {said}")));
             let start = error.downcast_ref::<StartError>();
             if wants_files || error.is::<ConfigError>() || start.is_some_and(StartError::is_lasting) {
                 ExitCode::from(BAD_CONFIG)
@@ -161,7 +162,7 @@ fn log_to_stderr() -> std::io::Result<(Log, Flush)> {
         .with_max_level(LevelFilter::TRACE)
         .with_writer(log.clone())
         .with_target(false);
-    if journal::is_stderr() {
+    if taxel_journal::is_stderr() {
         let plain = tracing_subscriber::fmt::format()
             .without_time()
             .with_target(false);
@@ -180,6 +181,7 @@ fn log_to_stderr() -> std::io::Result<(Log, Flush)> {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use tracing::Level;
 
     #[test]
     fn too_few_files_are_told_from_a_system_that_has_too_many_open_whatever_needed_one() {

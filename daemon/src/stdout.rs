@@ -12,6 +12,7 @@ use nix::unistd::dup2_stdout;
 use std::io::{self, ErrorKind, Write};
 use std::process::ExitCode;
 use std::sync::atomic::{AtomicBool, Ordering};
+use taxel_journal::Priority;
 
 static WAS_CLOSED: AtomicBool = AtomicBool::new(false);
 
@@ -42,9 +43,13 @@ pub fn refuse_closed() -> io::Result<()> {
 
 /// Prints help, the version, or what is wrong with the arguments; gives the exit code.
 pub fn tell(said: &clap::Error) -> anyhow::Result<ExitCode> {
-    let printed = said.print();
     if !said.use_stderr() {
-        printed.context("stdout")?;
+        said.print().context("stdout")?;
+    } else if taxel_journal::is_stderr() {
+        let lines = Priority::Error.lines(&said.to_string());
+        let _ = io::stderr().write_all(lines.as_bytes());
+    } else {
+        let _ = said.print();
     }
     Ok(ExitCode::from(said.exit_code() as u8))
 }

@@ -181,7 +181,7 @@ def test_another_configuration_of_the_next_daemon_is_in_another_file_and_one_tha
 def test_a_full_disk_stops_the_recording_says_so_and_costs_no_image(start, lockstep, folder, hand, capfd):
     daemon = start(conditioning=DAEMON_SETTINGS, sweep=SWEEP)
     out = folder / "full.mcap"
-    with recording(daemon, out, "--json", limit=LIMIT) as recorder:
+    with recording(daemon, out, "--json", limit=LIMIT, as_service=True) as recorder:
         driver = lockstep(daemon)
         frames = list(grasp(Touches.even(hand)))
         images = 0
@@ -190,7 +190,8 @@ def test_a_full_disk_stops_the_recording_says_so_and_costs_no_image(start, locks
             images += 1
             assert images < 2000, "the recorder does not notice that the disk is full"
         assert recorder.process.returncode == 1
-        assert "full.mcap: File too large" in recorder.said and "the recording stopped there" in recorder.said
+        # As an error in the journal, in one line.
+        assert re.search("^<3>taxel: .*full.mcap: File too large.*the recording stopped there", recorder.said, re.M), recorder.said
         driver.step(frames[0])
     made = json.loads(capfd.readouterr().out)
     assert made["files"] == [str(out)] and made["images"] > 0 and made["can_frames"] > 0, made
@@ -213,14 +214,15 @@ def test_a_disk_without_room_for_a_first_chunk_is_left_without_files_however_oft
 def test_a_file_that_is_renamed_while_it_is_recorded_into_is_told_and_the_recording_goes_on_in_another(start, folder):
     daemon = start()
     out, old = folder / "a.mcap", folder / "a.mcap.1"
-    with recording(daemon, out) as recorder:
+    with recording(daemon, out, as_service=True) as recorder:
         eventually(lambda: len(of_topic(out, "/taxel/hello")) > 0, "nothing comes into the file")
         out.rename(old)
         another = folder / "a-0001.mcap"
         eventually(lambda: messages(another), lambda: f"no other file is written: {recorder.said}")
         assert recorder.end() == 1, recorder.said
-    assert "a.mcap was removed or renamed while it was recorded into" in recorder.said
-    assert "the recording goes on in another file" in recorder.said and "not whole in its files" in recorder.said
+    gone = "^<4>taxel: .*a.mcap was removed or renamed while it was recorded into.*the recording goes on in another file"
+    assert re.search(gone, recorder.said, re.M), recorder.said
+    assert re.search("^<3>taxel: .*not whole in its files", recorder.said, re.M), recorder.said
     for whole in old, another:
         with whole.open("rb") as file:
             counted = make_reader(file).get_summary().statistics

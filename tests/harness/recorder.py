@@ -1,6 +1,7 @@
 """`taxel record` of a daemon as a process, and what is in its file."""
 
 import io
+import os
 import resource
 import signal
 import struct
@@ -28,15 +29,18 @@ def with_room(limit=None):
 
 
 class Recorder:
-    """`taxel record` of a daemon; what it says is in `said`."""
+    """`taxel record` of a daemon; what it says is in `said`, and as to the journal where that is asked for."""
 
-    def __init__(self, daemon, out, *arguments, limit=None, stderr=None):
+    def __init__(self, daemon, out, *arguments, limit=None, stderr=None, as_service=False):
         self.daemon, self.out = daemon, out
         self.log = out.with_suffix(".said")
         with self.log.open("wb") as log:
+            found = os.fstat(log.fileno())
+            journal = {"JOURNAL_STREAM": f"{found.st_dev}:{found.st_ino}"} if as_service else {}
             self.process = subprocess.Popen(
                 [binary("taxel"), "record", out, "--config", daemon.config, *arguments],
                 stderr=log if stderr is None else stderr,
+                env={**os.environ, **journal},
                 **with_room(limit),
             )
         self.is_subscribed()

@@ -138,6 +138,9 @@ def test_what_runs_beside_it_records_within_its_bounds_and_answers_who_asks_for_
     recorder.add(Environment='"OPTIONS=--split-seconds 2 --most-files 2"')
     for program in beside:
         program.start()
+    recorder.wait_journal("waiting for it", "--priority", "warning")
+    metrics.wait_journal("metrics at http://", "--priority", "info")
+    assert "metrics at http://" not in metrics.journal("--priority", "warning")
     service.start()
     folder = Path("/var/lib/taxel-record")
     eventually(lambda: (folder / "taxeld-0004.mcap").exists(), recorder.newest)

@@ -74,7 +74,7 @@ pub(crate) fn run(args: &Args) -> anyhow::Result<()> {
             socket.unwrap_or_else(|| taxeld::config::running_socket("images.sock"))
         }),
         stop: Box::new(move || interrupt.is_set()),
-        say: Box::new(|line| notices::say(&format!("taxel: {line}"))),
+        say: Box::new(|priority, line| notices::tell(priority, &format!("taxel: {line}"))),
     })?;
     if args.json {
         let counts = serde_json::json!({

@@ -240,7 +240,7 @@ impl Args {
         let _servos = servos.map(|link| offer_servos(scene, layout, link)).transpose()?;
         let begin = Instant::now();
         let control = self.control.clone();
-        let report = |text| notices::say(&format!("taxel: {text}"));
+        let report = |text| notices::warn(&format!("taxel: {text}"));
         let marks = control.map(|socket| SceneMarks::start(scene, begin, socket, report));
         let _marks = marks.transpose()?;
         play(simulator, begin, limit_ns, layout.buses.len(), targets)

@@ -339,7 +339,7 @@ mod tests {
             .unwrap();
         runtime.block_on(async {
             let told = said.clone();
-            let hub = Hub::new(Box::new(move |line| told.lock().unwrap().push(line.into())));
+            let hub = Hub::new(Box::new(move |_, line| told.lock().unwrap().push(line.into())));
             let client = hub.join(address, &[]);
             let socket = Arc::new(TcpStream::from_std(socket).unwrap());
             let websocket = WebSocket::from_raw_socket(Stream::new(socket.clone()), Role::Server, None);

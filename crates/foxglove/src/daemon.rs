@@ -7,6 +7,7 @@ use std::path::{Path, PathBuf};
 use std::thread;
 use std::time::{Duration, Instant};
 use taxel_can::both_clocks_ns;
+use taxel_journal::Priority;
 use taxel_recorder::{Taker, Topic, Translation, clock_message, event_message};
 use taxel_wire::{ReadError, Received, Subscribe, Subscriber};
 
@@ -45,7 +46,7 @@ pub(crate) fn read_daemon(socket: &Socket, hub: &Hub) {
 
 /// Says that the daemon is gone, or back, to people, to clients, and among the events.
 fn gone(hub: &Hub, why: &str) {
-    hub.say(why);
+    hub.say(Priority::Warning, why);
     hub.gone(why);
     tell(hub, why);
 }
@@ -102,7 +103,7 @@ fn read_one(socket: &Path, hub: &Hub, is_gone: &mut bool) -> Result<(), ReadErro
             heard = Instant::now();
             if std::mem::take(is_gone) {
                 let text = "taxeld is there again";
-                hub.say(text);
+                hub.say(Priority::Info, text);
                 hub.back(text);
                 tell(hub, text);
             }

@@ -8,6 +8,7 @@ use std::net::SocketAddr;
 use std::sync::atomic::{AtomicBool, AtomicU32, Ordering};
 use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
 use std::time::{Duration, Instant};
+use taxel_journal::Priority;
 use taxel_recorder::Topic;
 use tokio::sync::Notify;
 
@@ -22,8 +23,8 @@ fn bit(topic: Topic) -> u32 {
     1 << topic as u32
 }
 
-/// Tells people something.
-pub(crate) type Say = Box<dyn Fn(&str) + Send + Sync>;
+/// Tells people something, and how much it matters.
+pub(crate) type Say = Box<dyn Fn(Priority, &str) + Send + Sync>;
 
 /// What the threads share. No lock is held but to put something in or take it out.
 pub(crate) struct Hub {
@@ -76,12 +77,12 @@ impl Hub {
     /// Tells people something of a client, as often as it is good for them.
     pub(crate) fn remark(&self, line: String) {
         if let Some(line) = lock(&self.remarks).of(line, Instant::now()) {
-            (self.say)(&line);
+            self.say(Priority::Info, &line);
         }
     }
 
-    pub(crate) fn say(&self, line: &str) {
-        (self.say)(line);
+    pub(crate) fn say(&self, priority: Priority, line: &str) {
+        (self.say)(priority, line);
     }
 
     pub(crate) fn end(&self) {

@@ -14,6 +14,7 @@ use std::sync::Arc;
 use std::thread;
 use std::time::Duration;
 use taxel_can::both_clocks_ns;
+use taxel_journal::Priority;
 use tokio::net::TcpStream;
 use tokio::sync::Semaphore;
 use tokio::task::JoinHandle;
@@ -128,7 +129,7 @@ impl Door {
                     if !std::mem::replace(&mut is_failing, true) {
                         let what =
                             format!("cannot take a connection: {error}; it is tried again every {AGAIN:?}");
-                        self.hub.say(&what);
+                        self.hub.say(Priority::Warning, &what);
                     }
                     sleep(AGAIN).await;
                     continue;

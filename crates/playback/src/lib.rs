@@ -14,7 +14,7 @@ macro_rules! remark {
 /// Says a line to people, however often it was said before ([`remarks::say`]).
 #[macro_export]
 macro_rules! say {
-    ($($words:tt)*) => { $crate::remarks::say(format!($($words)*)) };
+    ($($words:tt)*) => { $crate::remarks::say($crate::remarks::Priority::Info, format!($($words)*)) };
 }
 
 mod buses;

@@ -2,10 +2,12 @@
 //!
 //! A process has one terminal. So who draws on it says so once, for all that is said meanwhile, wherever that is. A
 //! recording is looked at more than once, and may be played again and again; what is remarked on it is said once.
+//! Where stderr is systemd's journal, a remark is a warning.
 
 use crate::stand_in::as_named;
 use std::io::Write;
 use std::sync::{Mutex, MutexGuard, PoisonError};
+pub use taxel_journal::Priority;
 
 static SAID: Mutex<Said> = Mutex::new(Said {
     lines: Vec::new(),
@@ -48,7 +50,10 @@ impl Drop for Remarks {
     fn drop(&mut self) {
         let mut said = said();
         if let Some(from) = said.gathered_from.take() {
-            said.lines[from..].iter().for_each(|line| print(line));
+            // It is a terminal, and knows no priorities.
+            said.lines[from..]
+                .iter()
+                .for_each(|line| print(Priority::Info, line));
         }
     }
 }
@@ -71,24 +76,24 @@ pub fn remark(line: String) {
         return;
     }
     if said.gathered_from.is_none() {
-        print(&line);
+        print(Priority::Warning, &line);
     }
     said.lines.push(line);
 }
 
 /// Says a line, with the names that people gave files, as often as it is said: an answer, or something that has happened.
-pub fn say(line: String) {
+pub fn say(priority: Priority, line: String) {
     let line = as_named(line);
     let mut said = said();
     match said.gathered_from {
-        None => print(&line),
+        None => print(priority, &line),
         Some(_) => said.lines.push(line),
     }
 }
 
-fn print(line: &str) {
+fn print(priority: Priority, line: &str) {
     // Unlike with `eprintln!`, where the terminal is gone or the disk full this is no panic.
-    let _ = writeln!(std::io::stderr(), "{line}");
+    let _ = std::io::stderr().write_all(priority.lines(line).as_bytes());
 }
 
 #[cfg(test)]

@@ -301,7 +301,7 @@ impl Listener for Lines<'_> {
     }
 
     fn lost(&mut self, frames: u32, seq: u64) {
-        notices::say(&format!(
+        notices::warn(&format!(
             "taxel: {frames} frames were lost before frame {seq}; this reader was slow"
         ));
     }

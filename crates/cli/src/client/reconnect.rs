@@ -39,14 +39,14 @@ pub(crate) fn with_daemon(
             let mut first = [PollFd::new(subscriber.as_fd(), PollFlags::POLLIN)];
             let patience = PollTimeout::try_from(PATIENCE).unwrap_or(PollTimeout::ZERO);
             if poll(&mut first, patience) == Ok(0) {
-                notices::say(&format!("taxel: {SAYS_NOTHING}; waiting for it"));
+                notices::warn(&format!("taxel: {SAYS_NOTHING}; waiting for it"));
             }
             read(subscriber, socket.insert(tried))
         });
         match outcome {
             Err(error) if reconnect && is_gone(&error) => {
                 if !std::mem::replace(&mut is_waiting, true) {
-                    notices::say(&format!(
+                    notices::warn(&format!(
                         "taxel: {}; waiting for it",
                         crate::errors::describe(&error)
                     ));

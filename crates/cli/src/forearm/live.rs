@@ -292,7 +292,7 @@ fn tell(
         Ok(line) => lines.tell(line, of_ns, Some(newest)),
         Err(untold) if untold.ended => lines.tell(untold, of_ns, Some(newest)),
         Err(untold) => {
-            notices::say(&format!("taxel: {}", untold.error));
+            notices::warn(&format!("taxel: {}", untold.error));
             Ok(())
         }
     }

@@ -40,7 +40,7 @@ pub(super) fn serve(listener: std::net::TcpListener, daemon: Daemon) -> anyhow::
                 Err(error) => {
                     // Out of file descriptors, most likely. Said once, however long it lasts.
                     if !std::mem::replace(&mut is_failing, true) {
-                        notices::say(&format!(
+                        notices::warn(&format!(
                             "taxel: cannot take a connection: {error}; it is tried again every {TRY_AGAIN:?}"
                         ));
                     }

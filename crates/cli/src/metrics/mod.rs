@@ -68,7 +68,7 @@ pub(crate) fn run(args: &Args) -> anyhow::Result<()> {
     let Some(path) = &args.textfile else {
         let status = status(&args.ask);
         if let Err(error) = &status {
-            say!("taxel: {error:#}; so taxeld_up is 0");
+            notices::warn(&format!("taxel: {error:#}; so taxeld_up is 0"));
         }
         let format = if args.json {
             Format::Json
@@ -96,7 +96,7 @@ fn write_again_and_again(path: &Path, args: &Args) -> anyhow::Result<()> {
         let written = write();
         has_failed = written.is_err();
         match written {
-            Err(error) if !failed_before => notices::say(&format!(
+            Err(error) if !failed_before => notices::warn(&format!(
                 "taxel: {}; it is tried again every {:?}",
                 describe(&error),
                 args.every
@@ -126,7 +126,7 @@ impl Daemon {
         let has_failed = self.is_failing.swap(status.is_err(), Ordering::Relaxed);
         match status {
             Err(error) if !has_failed => {
-                notices::say(&format!("taxel: {}; so taxeld_up is 0", describe(&error)));
+                notices::warn(&format!("taxel: {}; so taxeld_up is 0", describe(&error)));
                 None
             }
             status => status.ok(),

@@ -170,12 +170,12 @@ pub(crate) fn run(args: &Args) -> anyhow::Result<()> {
     let signals = Signals {
         stop: &|| interrupt.is_set(),
         trigger: &|| asked.swap(false, Ordering::Relaxed),
-        say: &|text| notices::say(&format!("taxel: {text}")),
+        say: &|priority, text| notices::tell(priority, &format!("taxel: {text}")),
         described: &|hello| status_socket.map(|status| args.described(hello, status, &plan.can)),
     };
     let finished = taxel_recorder::record(&plan, &signals)?;
-    for line in words(&plan, &finished) {
-        notices::say(&line);
+    for (priority, line) in words(&plan, &finished) {
+        notices::tell(priority, &line);
     }
     if args.json {
         stdout::print(&format!("{}\n", outcome::in_json(&finished)))?;

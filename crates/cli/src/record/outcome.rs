@@ -2,6 +2,7 @@
 
 use serde_json::{Value, json};
 use std::path::PathBuf;
+use taxel_journal::Priority;
 use taxel_recorder::{CanInput, CanRead, Finished, Plan};
 use taxel_wire::status::ProblemStatus;
 
@@ -32,8 +33,8 @@ fn lacking(finished: &Finished) -> impl Iterator<Item = &ProblemStatus> {
     problems.filter(move |problem| problem.severe && !is_read(&problem.bus))
 }
 
-/// What became of a recording, and what is missing of it, a sentence each.
-pub(crate) fn words(plan: &Plan, finished: &Finished) -> Vec<String> {
+/// What became of a recording, and what is missing of it, a sentence each with how much it matters.
+pub(crate) fn words(plan: &Plan, finished: &Finished) -> Vec<(Priority, String)> {
     let Finished {
         files: _,
         gone,
@@ -69,14 +70,18 @@ pub(crate) fn words(plan: &Plan, finished: &Finished) -> Vec<String> {
             plan.out.display()
         ),
     };
-    let mut lines = vec![match files.is_empty() {
-        true => name,
-        false => format!(
-            "{name}: {:.1} MB, {messages} messages; {images} images and {} CAN frames were read",
-            bytes as f64 / 1e6,
-            can_frames(finished)
+    let what_there_is = match files.is_empty() {
+        true => (Priority::Warning, name),
+        false => (
+            Priority::Info,
+            format!(
+                "{name}: {:.1} MB, {messages} messages; {images} images and {} CAN frames were read",
+                bytes as f64 / 1e6,
+                can_frames(finished)
+            ),
         ),
-    }];
+    };
+    let mut lines = Vec::new();
     lines.extend(gone.iter().map(|gone| format!("taxel: {gone}")));
     if let (Some(first), Some(last)) = (away.first(), away.last()) {
         let (first, last) = (first.display(), last.display());
@@ -116,7 +121,8 @@ pub(crate) fn words(plan: &Plan, finished: &Finished) -> Vec<String> {
             lines.push(format!("taxel: {count} {what}"));
         }
     }
-    lines
+    let missing = lines.into_iter().map(|line| (Priority::Warning, line));
+    std::iter::once(what_there_is).chain(missing).collect()
 }
 
 /// The same as one object.
@@ -145,6 +151,11 @@ pub(super) fn in_json(finished: &Finished) -> Value {
 mod tests {
     use super::*;
     use taxel_recorder::{Around, Preamble, Split};
+
+    /// What is told, one like the other.
+    fn texts(plan: &Plan, finished: &Finished) -> Vec<String> {
+        words(plan, finished).into_iter().map(|(_, line)| line).collect()
+    }
 
     fn plan(out: PathBuf, can: Vec<CanInput>) -> Plan {
         Plan {
@@ -186,7 +197,7 @@ mod tests {
             ],
             ..Finished::default()
         };
-        let lines = words(&plan, &finished);
+        let lines = texts(&plan, &finished);
         let told = [
             "taxel: at the end: bus-silent is wrong",
             "taxel: at the end: analogue-silent is wrong",
@@ -195,7 +206,7 @@ mod tests {
         let kinds = ["bus-silent", "analogue-silent"];
         assert_eq!(in_json(&finished)["lacking"], json!(kinds));
         finished.problems = vec![problem("servo-silent", None, true); 7];
-        let last = words(&plan, &finished).pop().unwrap();
+        let last = texts(&plan, &finished).pop().unwrap();
         assert_eq!(last, "taxel: and 3 more; `taxel status` has them");
     }
 
@@ -210,7 +221,7 @@ mod tests {
             ..Finished::default()
         };
         assert_eq!(there_and_away(&finished), [vec![&third], vec![&first, &second]]);
-        let lines = words(&plan, &finished);
+        let lines = texts(&plan, &finished);
         assert!(
             lines[0].starts_with(&format!("{}: 0.0 MB", third.display())),
             "{lines:?}"
@@ -222,7 +233,7 @@ mod tests {
         );
         assert!(lines[1].starts_with(&said), "{lines:?}");
         finished.files.truncate(1);
-        let lines = words(&plan, &finished);
+        let lines = texts(&plan, &finished);
         assert!(
             lines[0].starts_with("taxel: no file of the recording is there"),
             "{lines:?}"
@@ -236,10 +247,10 @@ mod tests {
             before_ns: 1,
             after_ns: 1,
         });
-        assert_eq!(words(&plan, &finished), lines);
+        assert_eq!(texts(&plan, &finished), lines);
         finished.files.clear();
         finished.dropped = 3;
-        let lines = words(&plan, &finished);
+        let lines = texts(&plan, &finished);
         assert!(lines[0].starts_with("taxel: nothing was kept"), "{lines:?}");
         assert!(
             lines[1].starts_with("taxel: 3 messages were dropped"),

@@ -1,7 +1,7 @@
 //! Contact that lasts to the end of a recording of counts: something rests on the skin, or its baseline has drifted.
 
 use taxel_hand::ForceFrame;
-use taxel_playback::remarks;
+use taxel_playback::remarks::{self, Priority};
 
 /// So long is no touch, nanoseconds.
 const LONG_NS: u64 = 60_000_000_000;
@@ -38,13 +38,16 @@ impl HeldToTheEnd {
             return;
         };
         let last_s = last.saturating_sub(self.begin_ns.unwrap_or_default()) as f64 / 1e9;
-        remarks::say(format!(
-            "taxel: {name}: {} of {} taxels are in contact from {last_s:.0} s at the latest to the end, above a threshold \
-             of {:.1}; something rests on them, or their baseline has drifted faster than it is followed \
-             (conditioning.drift_time_constant_ms in a file for --config)",
-            held.len(),
-            self.since_ns.len(),
-            self.threshold,
-        ));
+        remarks::say(
+            Priority::Warning,
+            format!(
+                "taxel: {name}: {} of {} taxels are in contact from {last_s:.0} s at the latest to the end, above a \
+                 threshold of {:.1}; something rests on them, or their baseline has drifted faster than it is followed \
+                 (conditioning.drift_time_constant_ms in a file for --config)",
+                held.len(),
+                self.since_ns.len(),
+                self.threshold,
+            ),
+        );
     }
 }

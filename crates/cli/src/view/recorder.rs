@@ -74,7 +74,7 @@ fn begin(images: &Path, out: PathBuf, seen: Arc<Mutex<Seen>>) -> anyhow::Result<
     let stop = Arc::new(AtomicBool::new(false));
     let is_stopped = stop.clone();
     let record = move || {
-        let tell = |text: &str| lock(&seen).tell(text, taxel_can::monotonic_ns());
+        let tell = |_, text: &str| lock(&seen).tell(text, taxel_can::monotonic_ns());
         let signals = Signals {
             stop: &|| is_stopped.load(Ordering::Relaxed),
             trigger: &|| false,
@@ -85,7 +85,8 @@ fn begin(images: &Path, out: PathBuf, seen: Arc<Mutex<Seen>>) -> anyhow::Result<
             failure: Some(failure),
             ..Finished::default()
         });
-        let mut words = words(&plan, &finished);
+        let words = words(&plan, &finished);
+        let mut words: Vec<_> = words.into_iter().map(|(_, line)| line).collect();
         if let Some(failure) = finished.failure {
             let failure = format!("{failure}; nothing is recorded any more");
             lock(&seen).say(failure.as_str(), taxel_can::monotonic_ns());

@@ -21,6 +21,7 @@ mod forearm_eval;
 mod forearm_scene;
 mod foxglove;
 mod interfaces;
+mod journal;
 mod manual;
 mod metrics;
 mod options;

@@ -151,7 +151,7 @@ mod tests {
         let signals = Signals {
             stop: &|| false,
             trigger: &|| false,
-            say: &|_| {},
+            say: &|_, _| {},
             described: &|_| None,
         };
         let shared = Shared::new(&signals, Wall::now());

@@ -13,6 +13,7 @@ use std::sync::mpsc::SyncSender;
 use std::thread;
 use std::time::{Duration, Instant};
 use taxel_can::monotonic_ns;
+use taxel_journal::Priority;
 use taxel_wire::{EventKind, Hello, Received, Subscribe, Subscriber};
 
 /// How long messages are left to gather in the socket.
@@ -80,9 +81,9 @@ fn follow(hello: &Hello, recorded: &mut Described, queue: &SyncSender<Message>, 
     *recorded = described;
 }
 
-/// Says something about the recording, there and to people.
+/// Says what is missing of the recording, there and to people.
 fn tell(text: &str, queue: &SyncSender<Message>, shared: &Shared<'_>) {
-    (shared.signals.say)(text);
+    (shared.signals.say)(Priority::Warning, text);
     let wall_ns = shared.wall.at(monotonic_ns());
     let data = event_message("recorder", text, shared.stamp_ns(wall_ns));
     let topic = Topic::Events;
@@ -142,7 +143,8 @@ fn read_subscription(
         }
         match event {
             Some((_, event)) if event.event == EventKind::Disconnect => {
-                (shared.signals.say)(&format!("taxeld closes the connection: {}", event.message));
+                let why = format!("taxeld closes the connection: {}", event.message);
+                (shared.signals.say)(Priority::Warning, &why);
             }
             Some((t_ns, mark)) if mark_triggers && mark.event == EventKind::Mark => {
                 let wall_ns = translation.wall_ns(&taken, t_ns);

@@ -26,6 +26,7 @@ use std::sync::{Mutex, PoisonError};
 use std::thread::{self, Scope};
 use std::time::Duration;
 use taxel_can::{OpenError, SourceAddress};
+use taxel_journal::Priority;
 use taxel_wire::Hello;
 use taxel_wire::status::ProblemStatus;
 
@@ -90,8 +91,8 @@ pub struct Signals<'a> {
     pub stop: &'a (dyn Fn() -> bool + Sync),
     /// Whether something happened that is to be kept, since it was last asked.
     pub trigger: &'a (dyn Fn() -> bool + Sync),
-    /// Tells people something.
-    pub say: &'a (dyn Fn(&str) + Sync),
+    /// Tells people something, and how much it matters.
+    pub say: &'a (dyn Fn(Priority, &str) + Sync),
     /// What the hand is recorded with that a daemon describes, asked at the first description of each connection: the next
     /// daemon may run with another configuration. Where that is another than before, another file is begun; none is as
     /// before.

@@ -12,6 +12,7 @@ use std::sync::mpsc::{Receiver, SyncSender, TrySendError};
 use std::thread;
 use std::time::{Duration, Instant};
 use taxel_can::{both_clocks_ns, monotonic_ns};
+use taxel_journal::Priority;
 
 /// Between two cuts. With the time that a disk takes, a crash costs less than a second.
 const CUT: Duration = Duration::from_millis(500);
@@ -95,7 +96,7 @@ impl<'a> Writer<'a> {
                     if self.store.begin_another(preamble)? {
                         let text = "the daemon runs with another configuration, or reads other buses, than before; the \
                                     recording goes on in another file";
-                        self.say(text, self.shared.wall.at(monotonic_ns()))?;
+                        self.say(Priority::Info, text, self.shared.wall.at(monotonic_ns()))?;
                     }
                 }
             }
@@ -133,7 +134,7 @@ impl<'a> Writer<'a> {
             "the wall clock was set by {by_s:+.1} s: times in this file go on as before, as /taxel/clock shows, and \
              the next file is by the new one"
         );
-        self.say(&text, wall_ns)
+        self.say(Priority::Warning, &text, wall_ns)
     }
 
     fn note_clocks(&mut self, wall_ns: u64) -> Result<(), StoreError> {
@@ -152,6 +153,7 @@ impl<'a> Writer<'a> {
         match new {
             0 => Ok(()),
             _ => self.say(
+                Priority::Warning,
                 &format!("{new} messages were dropped: the disk is too slow"),
                 wall_ns,
             ),
@@ -171,12 +173,12 @@ impl<'a> Writer<'a> {
         };
         self.told_gone += 1;
         let text = format!("{gone}; the recording goes on in another file");
-        self.say(&text, wall_ns)
+        self.say(Priority::Warning, &text, wall_ns)
     }
 
     /// Says something about the recording, there and to people.
-    fn say(&mut self, text: &str, wall_ns: u64) -> Result<(), StoreError> {
-        (self.shared.signals.say)(text);
+    fn say(&mut self, priority: Priority, text: &str, wall_ns: u64) -> Result<(), StoreError> {
+        (self.shared.signals.say)(priority, text);
         self.store.note(Entry {
             topic: Topic::Events,
             wall_ns,
@@ -188,9 +190,10 @@ impl<'a> Writer<'a> {
         let say = self.shared.signals.say;
         let has_begun = self.store.trigger(wall_ns)?;
         if let Some(file) = self.store.files().last().filter(|_| has_begun) {
-            say(&format!("{}: {why}", file.display()));
+            say(Priority::Info, &format!("{}: {why}", file.display()));
         } else if !self.store.is_writing() {
-            say(&format!("{why}: nothing came before it that could be kept"));
+            let nothing = format!("{why}: nothing came before it that could be kept");
+            say(Priority::Warning, &nothing);
         }
         Ok(())
     }

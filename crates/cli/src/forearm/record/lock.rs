@@ -53,7 +53,7 @@ impl Lock {
                     folder.display(),
                 );
             }
-            Err(TryLockError::Error(error)) => notices::say(&format!(
+            Err(TryLockError::Error(error)) => notices::warn(&format!(
                 "taxel: {}: nothing keeps another `taxel forearm record` out of this folder: {error}",
                 folder.display()
             )),

@@ -202,7 +202,7 @@ fn session(args: &Args, plan: &Plan, gripper: &Gripper, interrupt: &Interrupt) -
             Err(fault) if faults < args.again && !fault.is::<Held>() => {
                 faults += 1;
                 // The next one may be of the same kind.
-                notices::say(&format!(
+                notices::warn(&format!(
                     "taxel: {fault:#}. It is made again ({faults} of {})",
                     args.again
                 ));
