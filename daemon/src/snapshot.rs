@@ -30,6 +30,10 @@ pub(crate) struct Snapshot {
     pub(crate) latency_ns: Histogram<u64>,
     /// Time from when a tick was due until all its images were handed over to subscribers, nanoseconds.
     pub(crate) lateness_ns: Histogram<u64>,
+    /// The part of it until the tick thread began with the tick, nanoseconds.
+    pub(crate) jitter_ns: Histogram<u64>,
+    /// The part of it from then on, nanoseconds.
+    pub(crate) duration_ns: Histogram<u64>,
     /// One entry per bus.
     pub(crate) buses: Vec<BusSnapshot>,
     /// Counters of each module's board, in the layout's order.
@@ -88,6 +92,8 @@ impl Snapshot {
             now_ns: 0,
             latency_ns: histogram(),
             lateness_ns: histogram(),
+            jitter_ns: histogram(),
+            duration_ns: histogram(),
             buses: vec![BusSnapshot::default(); buses],
             boards: vec![BoardStatus::default(); boards],
             findings: Vec::with_capacity(MOST_FINDINGS),
@@ -106,6 +112,20 @@ impl Snapshot {
             joints: JointsSnapshot::new(joints),
             joints_source: SourceCounters::default(),
             joints_link: LinkState::default(),
+        }
+    }
+
+    /// Counts the times of a tick whose newest reading, due time, begin and end these are, without allocating.
+    pub(crate) fn record_times(&mut self, newest_ns: u64, due_ns: u64, begun_ns: u64, done_ns: u64) {
+        // What came after the thread had begun its round was due later than that.
+        let begun_ns = begun_ns.max(due_ns);
+        for (histogram, from_ns, to_ns) in [
+            (&mut self.latency_ns, newest_ns, done_ns),
+            (&mut self.lateness_ns, due_ns, done_ns),
+            (&mut self.jitter_ns, due_ns, begun_ns),
+            (&mut self.duration_ns, begun_ns, done_ns),
+        ] {
+            histogram.saturating_record(to_ns.saturating_sub(from_ns).max(1));
         }
     }
 
@@ -133,5 +153,37 @@ impl Snapshot {
         self.contacts = felt.contact.iter().filter(|contact| **contact).count();
         self.missing = missing;
         self.faulty = faults - missing;
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn the_lateness_of_a_tick_is_its_jitter_and_what_it_took() {
+        let mut snapshot = Snapshot::new(1, 1, 1, 0);
+        // It began in time, late, and, as its sweep ended behind the begin of the round, before it was due.
+        for (due_ns, begun_ns, done_ns) in [
+            (1_000_000, 1_000_000, 1_100_000),
+            (2_000_000, 2_500_000, 2_600_000),
+            (3_000_000, 2_900_000, 3_100_000),
+        ] {
+            snapshot.record_times(due_ns - 400_000, due_ns, begun_ns, done_ns);
+        }
+        let all = |histogram: &Histogram<u64>| -> Vec<u64> {
+            histogram
+                .iter_recorded()
+                .flat_map(|row| {
+                    // Two digits of it are kept.
+                    let us = (row.value_iterated_to() as f64 / 10_000.0).round() as u64 * 10;
+                    vec![us; row.count_since_last_iteration() as usize]
+                })
+                .collect()
+        };
+        assert_eq!(all(&snapshot.latency_ns), [500, 500, 1000]);
+        assert_eq!(all(&snapshot.lateness_ns), [100, 100, 600]);
+        assert_eq!(all(&snapshot.jitter_ns), [0, 0, 500]);
+        assert_eq!(all(&snapshot.duration_ns), [100, 100, 100]);
     }
 }

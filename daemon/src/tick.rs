@@ -197,13 +197,17 @@ impl TickThread {
     /// says that every recording has, `more` that a bus has more than could be taken.
     fn make_images(&mut self, rounds: &mut Rounds, now_ns: u64, ended: bool, more: bool) {
         let Rounds { merge, images, .. } = rounds;
+        // The first tick of a round begins with it, and each that is due by then, too, where the one before ends.
+        let mut begun_ns = now_ns;
         let mut emit = |frames: &Frames| {
             let late_ns = self.clock.now_ns().saturating_sub(frames.due_ns);
             let now = Instant::now();
             let due = now.checked_sub(Duration::from_nanos(late_ns)).unwrap_or(now);
             *images = frames.tick();
             self.outputs.publish(*images, due, frames);
-            record_times(&self.shared, frames, self.clock.now_ns());
+            let done_ns = self.clock.now_ns();
+            record_times(&self.shared, frames, begun_ns, done_ns);
+            begun_ns = done_ns;
         };
         // What another bus has told beyond that waits: frames are given in the order of their
         // stamps however late they are taken.
@@ -366,15 +370,10 @@ impl TickThread {
 
 /// Notes how long a tick's images took, until the last of them was handed over. A status report
 /// being written at this moment loses one sample of many.
-fn record_times(shared: &Shared, frames: &Frames, now_ns: u64) {
+fn record_times(shared: &Shared, frames: &Frames, begun_ns: u64, done_ns: u64) {
     if let Ok(mut snapshot) = shared.snapshot.try_lock() {
         snapshot.images = frames.tick();
-        snapshot
-            .latency_ns
-            .saturating_record(now_ns.saturating_sub(frames.tactile.t_ns).max(1));
-        snapshot
-            .lateness_ns
-            .saturating_record(now_ns.saturating_sub(frames.due_ns).max(1));
+        snapshot.record_times(frames.tactile.t_ns, frames.due_ns, begun_ns, done_ns);
     }
 }
 

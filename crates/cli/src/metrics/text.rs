@@ -143,8 +143,12 @@ fn images(to: &mut Families, status: &Status) {
     }
     let latency = "From a tick's newest reading until its images were handed over.";
     histogram(to, "image_latency_seconds", latency, &images.latencies);
-    let lateness = "From when a tick was due until its images were handed over: the jitter of the tick.";
+    let lateness = "From when a tick was due until its images were handed over.";
     histogram(to, "image_lateness_seconds", lateness, &images.latenesses);
+    let jitter = "From when a tick was due until the daemon began with it: its jitter.";
+    histogram(to, "tick_jitter_seconds", jitter, &images.jitters);
+    let duration = "From when the daemon began with a tick until its images were handed over.";
+    histogram(to, "tick_duration_seconds", duration, &images.durations);
     let age = "From when an image was due until it was sent.";
     histogram(to, "image_age_seconds", age, &sent.ages);
 }
@@ -283,6 +287,7 @@ mod tests {
             "version": "0.1.0", "layout": "a \"hand\"", "uptime_s": 3.5, "profile": {}, "conditioning": { "glitches": 2 },
             "images": {
                 "made": 90, "rate_hz": 30.0, "latencies": [[50, 80], [100, 10]], "latenesses": [[200, 90]],
+                "jitters": [[20, 70], [100, 20]], "durations": [[100, 85], [2000, 5]],
                 "sent": { "subscribers": 2, "images": 7, "skipped": 4, "paced": 5, "ages": [[40, 3], [900, 2], [5_000_000, 1]] },
             },
             "problems": [{ "kind": "board-silent", "bus": "can0", "module": "index tip", "severe": true, "since_s": 2.0 }],
@@ -314,6 +319,10 @@ mod tests {
             "taxeld_image_latency_seconds_bucket{le=\"0.0001\"} 90",
             "taxeld_image_lateness_seconds_bucket{le=\"0.0001\"} 0",
             "taxeld_image_lateness_seconds_count 90",
+            "taxeld_tick_jitter_seconds_bucket{le=\"0.00005\"} 70",
+            "taxeld_tick_jitter_seconds_count 90",
+            "taxeld_tick_duration_seconds_bucket{le=\"0.0001\"} 85",
+            "taxeld_tick_duration_seconds_bucket{le=\"0.002\"} 90",
             "taxeld_image_age_seconds_bucket{le=\"0.00005\"} 3",
             "taxeld_image_age_seconds_bucket{le=\"0.001\"} 5",
             "taxeld_image_age_seconds_bucket{le=\"+Inf\"} 6",

@@ -107,6 +107,14 @@ report! {
         lateness_us: QuantileStatus,
         /// The same as a histogram, as `latencies`.
         latenesses: Vec<(u64, u64)>,
+        /// The jitter of the tick: the part of its lateness until the tick thread began with it, microseconds.
+        jitter_us: QuantileStatus,
+        /// The same as a histogram, as `latencies`.
+        jitters: Vec<(u64, u64)>,
+        /// The part of a tick's lateness from then on, which is what its images take, microseconds.
+        duration_us: QuantileStatus,
+        /// The same as a histogram, as `latencies`.
+        durations: Vec<(u64, u64)>,
         /// What became of them after that, for all subscribers together.
         sent: SentStatus,
         /// How long it took in the last half to whole minute.
