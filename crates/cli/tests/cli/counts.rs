@@ -356,6 +356,38 @@ fn a_configuration_samples_counts_at_its_timer_and_says_so() {
 }
 
 #[test]
+fn replayed_counts_begin_anew_with_boards_that_settle_and_without_that_give_the_same_images() {
+    let dir = TempDir::new().unwrap();
+    // A log has whole microseconds.
+    let times: Array1<u64> = (0..20).map(|t| 10_000_000 + t * 40_000_000).collect();
+    write_npz(&dir, "module.npz", &counts(), &times);
+    let replay = [
+        "replay",
+        "module.npz",
+        "--layout",
+        "uskin-module",
+        "--to",
+        "log:module.log",
+    ];
+    succeeds(&dir, &[&replay[..], &["--speed", "inf"]].concat());
+    let bus = "layout = \"uskin-module\"\n[[bus]]\nsource = \"can:can0\"\n[tick]\nmode = \"sweep\"\n";
+    write(dir.path().join("boards.toml"), bus).unwrap();
+    write(
+        dir.path().join("at_once.toml"),
+        format!("{bus}[sweep]\nsettle_ms = 0.0\n"),
+    )
+    .unwrap();
+    let made = |input: &str, config: &str| compressed(&dir, input, "uskin-module", &["--config", config]);
+    let whole = made("module.npz", "boards.toml");
+    assert_eq!(whole.1.len(), 20);
+    let at_once = made("module.log", "at_once.toml");
+    assert_eq!((&at_once.0, &at_once.2), (&whole.0, &whole.2));
+    // What its boards send in the first 200 ms is thrown away, five frames here; an image without a value tells so.
+    let anew = made("module.log", "boards.toml");
+    assert_eq!((anew.1.len(), anew.2[0], &anew.2[1..]), (16, 16, &[0; 15][..]));
+}
+
+#[test]
 fn a_threshold_of_0_is_told_where_the_publications_two_frames_are_the_same() {
     let dir = TempDir::new().unwrap();
     let mut counts = counts();
