@@ -177,6 +177,39 @@ fn configuration_errors_name_file_and_line() {
     }
 }
 
+#[test]
+fn what_is_wrong_is_one_line_though_the_environment_asks_for_backtraces() {
+    let folder = tempfile::tempdir().unwrap();
+    let path = folder.path().join("taxeld.toml");
+    let images = folder.path().join("images.sock");
+    let group = format!(
+        "[[bus]]\nsource = 'sim:idle'\n[[bus]]\nsource = 'sim:idle'\n[socket]\nimages = '{}'\ngroup = 'no-such-group'\n",
+        images.display()
+    );
+    // Of what is read, of what is begun, and of a file that is not there.
+    let wrong = [Some("layout = 3\n"), Some(group.as_str()), None];
+    for (text, wants) in wrong
+        .iter()
+        .flat_map(|text| ["1", "full"].map(|wants| (text, wants)))
+    {
+        match text {
+            Some(text) => std::fs::write(&path, text).unwrap(),
+            None => std::fs::remove_file(&path).unwrap_or_default(),
+        }
+        for check in [true, false] {
+            let mut taxeld = Command::new(env!("CARGO_BIN_EXE_taxeld"));
+            taxeld.arg("--config").arg(&path).args(check.then_some("--check"));
+            taxeld
+                .env("RUST_BACKTRACE", wants)
+                .env("RUST_LIB_BACKTRACE", wants);
+            let output = taxeld.env("RUST_LOG", "off").output().unwrap();
+            let said = String::from_utf8(output.stderr).unwrap();
+            assert_eq!(output.status.code(), Some(78), "{said}");
+            assert!(said.starts_with("Error: ") && said.lines().count() == 1, "{said}");
+        }
+    }
+}
+
 /// A stderr or stdout that takes nothing: a full disk, and a pipe whose reader has gone.
 fn taking_nothing() -> [Stdio; 2] {
     let full = OpenOptions::new().write(true).open("/dev/full").unwrap();

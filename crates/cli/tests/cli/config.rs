@@ -147,6 +147,25 @@ fn what_is_wrong_is_told_with_file_and_line_and_stdin_is_a_file_too() {
     fs::write(dir.path().join("a.toml"), "[bus]\nsource = 'udp:'\n").unwrap();
     let err = fails(&dir, &["config", "check", "a.toml"], 1);
     assert!(err.contains("a.toml:1: write [[bus]]"), "{err}");
+    for (command, wants) in [
+        (&["config", "check", "a.toml"][..], "1"),
+        (&["doctor", "--config", "a.toml"], "full"),
+        (
+            &["compress", "a.log", "--config", "a.toml", "--out", "a.npz"],
+            "full",
+        ),
+    ] {
+        let mut taxel = Command::new(env!("CARGO_BIN_EXE_taxel"));
+        taxel.args(command).current_dir(dir.path());
+        taxel
+            .env("RUST_BACKTRACE", wants)
+            .env("RUST_LIB_BACKTRACE", wants);
+        let (_, err) = texts(&taxel.output().unwrap());
+        assert!(
+            err.contains("a.toml:1: ") && err.lines().count() == 1,
+            "{command:?}: {err}"
+        );
+    }
     let err = fails(&dir, &["config", "check", "none.toml"], 1);
     assert!(err.contains("none.toml"), "{err}");
     let mut command = Command::new(env!("CARGO_BIN_EXE_taxel"));

@@ -189,6 +189,14 @@ fn wrong_usage_is_told_from_failure_by_the_exit_code() {
             "no force; it is a number from 0 on",
         ),
         (
+            &["eval", "x.npz", "--export", "q.mat"],
+            "only .npz is written; name it so",
+        ),
+        (
+            &["eval", "x.npz", "--times", "q.csv"],
+            "only .npz is written; name it so",
+        ),
+        (
             &["compress", "x.npz", "--out", "q.txt"],
             "images are written as .npz",
         ),
