@@ -311,40 +311,93 @@ fn unless_blocked(outcome: Result<(), Error>) -> Result<(), End> {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::stream::A_TURN;
     use nix::sys::socket::{setsockopt, sockopt};
     use std::io::Write;
+    use std::net::SocketAddr;
     use std::sync::Mutex;
     use std::thread;
     use tungstenite::protocol::Role;
 
-    #[test]
-    fn who_asks_and_takes_no_answers_is_let_go_before_they_pile_up() {
-        let said = Arc::new(Mutex::new(Vec::<String>::new()));
+    /// A client's end of a connection, the server's, and the client's address.
+    fn connection() -> (std::net::TcpStream, std::net::TcpStream, SocketAddr) {
         let listener = std::net::TcpListener::bind("127.0.0.1:0").unwrap();
-        let mut asking = std::net::TcpStream::connect(listener.local_addr().unwrap()).unwrap();
-        let (socket, address) = listener.accept().unwrap();
-        // What the kernel would keep of answers is no pile of ours.
-        setsockopt(&asking, sockopt::RcvBuf, &4096).unwrap();
-        setsockopt(&socket, sockopt::SndBuf, &4096).unwrap();
-        socket.set_nonblocking(true).unwrap();
-        // A ping of 125 bytes, under a mask of zeros.
-        let ping = [&[0x89, 0x80 | 125, 0, 0, 0, 0][..], &[b'x'; 125]].concat();
-        let asks = thread::spawn(move || {
-            let _ = asking.write_all(&ping.repeat(1000));
-            asking
-        });
+        let client = std::net::TcpStream::connect(listener.local_addr().unwrap()).unwrap();
+        let (server, address) = listener.accept().unwrap();
+        server.set_nonblocking(true).unwrap();
+        (client, server, address)
+    }
+
+    /// Serves a client that is let in.
+    async fn attended(hub: &Hub, server: std::net::TcpStream, address: SocketAddr) {
+        let client = hub.join(address, &[]);
+        let socket = Arc::new(TcpStream::from_std(server).unwrap());
+        let websocket = WebSocket::from_raw_socket(Stream::new(socket.clone()), Role::Server, None);
+        attend(hub, &client, &socket, websocket).await;
+    }
+
+    fn block_on<T>(future: impl Future<Output = T>) -> T {
         let runtime = tokio::runtime::Builder::new_current_thread()
             .enable_all()
             .build()
             .unwrap();
-        runtime.block_on(async {
-            let told = said.clone();
-            let hub = Hub::new(Box::new(move |_, line| told.lock().unwrap().push(line.into())));
-            let client = hub.join(address, &[]);
-            let socket = Arc::new(TcpStream::from_std(socket).unwrap());
-            let websocket = WebSocket::from_raw_socket(Stream::new(socket.clone()), Role::Server, None);
-            attend(&hub, &client, &socket, websocket).await;
+        runtime.block_on(future)
+    }
+
+    /// A message under a mask of zeros.
+    fn masked(opcode: u8, bytes: &[u8]) -> Vec<u8> {
+        [&[0x80 | opcode, 0x80 | bytes.len() as u8, 0, 0, 0, 0], bytes].concat()
+    }
+
+    const TEXT: u8 = 1;
+    const PING: u8 = 9;
+    const PONG: u8 = 10;
+
+    #[test]
+    fn who_has_much_to_say_is_heard_a_turn_at_a_time() {
+        let (mut talks, much, talker) = connection();
+        let (mut asks, little, asker) = connection();
+        // As much as the kernel takes though nobody reads, which none has to answer.
+        let said = masked(PONG, &[b'x'; 125]).repeat(10 * A_TURN / 131);
+        talks.write_all(&said).unwrap();
+        asks.write_all(&masked(TEXT, b"?")).unwrap();
+        let unread = much.try_clone().unwrap();
+        let unread = || unread.peek(&mut vec![0; said.len() + 1]).unwrap_or_default();
+        while unread() < said.len() {
+            thread::yield_now();
+        }
+        let hub = Hub::new(Box::new(|_, _| ()));
+        let left = block_on(async {
+            let is_heard = async {
+                while hub.counters.read().faults == 0 {
+                    tokio::task::yield_now().await;
+                }
+            };
+            tokio::select! {
+                biased;
+                () = attended(&hub, much, talker) => panic!("who talks is let go"),
+                () = attended(&hub, little, asker) => panic!("who asks is let go"),
+                () = is_heard => unread(),
+            }
         });
+        let heard = said.len() - left;
+        assert!(heard <= 2 * A_TURN, "another waited for {heard} bytes");
+    }
+
+    #[test]
+    fn who_asks_and_takes_no_answers_is_let_go_before_they_pile_up() {
+        let said = Arc::new(Mutex::new(Vec::<String>::new()));
+        let (mut asking, server, address) = connection();
+        // What the kernel would keep of answers is no pile of ours.
+        setsockopt(&asking, sockopt::RcvBuf, &4096).unwrap();
+        setsockopt(&server, sockopt::SndBuf, &4096).unwrap();
+        let asks = thread::spawn(move || {
+            let _ = asking.write_all(&masked(PING, &[b'x'; 125]).repeat(1000));
+            asking
+        });
+        let told = said.clone();
+        let hub = Hub::new(Box::new(move |_, line| told.lock().unwrap().push(line.into())));
+        block_on(attended(&hub, server, address));
         drop(asks.join().unwrap());
         let said = said.lock().unwrap();
         assert!(

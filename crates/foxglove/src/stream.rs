@@ -7,7 +7,7 @@ use std::time::Instant;
 use tokio::net::TcpStream;
 
 /// Bytes of a client that are read before it is another one's turn.
-const A_TURN: usize = 4 << 10;
+pub(crate) const A_TURN: usize = 4 << 10;
 
 /// What the read of a client that sends too much fails with.
 #[derive(Debug, thiserror::Error)]
