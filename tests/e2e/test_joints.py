@@ -354,6 +354,24 @@ def test_a_motor_that_does_not_confirm_that_it_is_off_is_told_again_and_said_to_
     servos.close()
 
 
+def test_who_cannot_start_a_motor_anew_that_runs_hears_that_it_is_told_to_be_off(folder):
+    servos = Servos("--ids", "1-16")
+    on = {"cmd": "servo", "joint": "joint 5", "torque": True}
+    told = "its motor may run, and is told to be off until it confirms that"
+    with Daemon(folder / "d", SCENE, tick=TICK, joints=dynamixel(servos.path, **WRITING)) as daemon:
+        daemon.wait_status(lambda s: s["joints"]["readings"] > 50, "nothing is read")
+        for more in [{}, {"pwm_percent": 1}, {"hold_ms": 10_000}]:
+            with connect(daemon.control_path) as client:
+                assert ask(client, on)["ok"]
+                servos.tell("fault 5 silent")
+                refused = ask(client, on | more)
+                assert not refused["ok"] and refused["error"].endswith(told), refused
+                servos.tell("mend 5")
+                eventually(lambda: servos.register(5, *TORQUE) == 0, "it is not")
+                daemon.wait_status(lambda s: s["problems"] == [], "nobody knows that it is off")
+    servos.close()
+
+
 def test_the_log_tells_of_a_motor_in_the_order_in_which_its_servo_was_told(folder):
     servos = Servos("--ids", "1-16")
     joints = dynamixel(servos.path, **WRITING)
