@@ -209,6 +209,33 @@ fn a_motor_that_runs_and_cannot_be_started_anew_is_told_to_be_off_until_it_is() 
 }
 
 #[test]
+fn a_motor_can_be_started_as_soon_as_it_has_confirmed_that_it_is_off_however_long_its_servo_was_silent() {
+    for silent in [3, 8, 40, 200] {
+        let mut w = watched(2, 2540);
+        w.bus.set_margins_ns(100 * MS, 4 * MS);
+        start(&mut w, [0]);
+        w.cut = true;
+        w.bus.command(0, OFF).unwrap();
+        w.cycles(silent);
+        w.cut = false;
+        // It comes back between two readings.
+        w.lost = Box::new(|request| (112..128).contains(&request[8]));
+        while w.bus.has_writes() {
+            w.go_on(u64::MAX);
+        }
+        // From now on it takes longer than servos are waited for that are silent, and not as long as others are.
+        w.fault(1, ServoFault::Late { by_ns: 20 * MS });
+        w.bus.command(0, WriteCommand::Torque(true)).unwrap();
+        w.cycles(3);
+        assert_eq!(register(&w, 1, 64, 1), 1, "silent for {silent} cycles");
+        assert!(
+            !is_unconfirmed(&w, 0) && !w.bus.has_writes(),
+            "silent for {silent} cycles"
+        );
+    }
+}
+
+#[test]
 fn a_motor_that_was_to_be_switched_off_when_the_port_was_lost_is_when_it_is_back() {
     for in_vain in [false, true] {
         let mut w = watched(2, 2540);

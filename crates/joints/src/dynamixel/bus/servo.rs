@@ -322,9 +322,14 @@ impl Servo {
         self.told_bytes.filter(|_| self.owed == 0)
     }
 
-    /// An answer to an earlier request came: it lives, so its pause is short, and its next answer is given time.
+    /// An answer to an earlier request came.
     pub(crate) fn was_late(&mut self, now_ns: u64) {
         self.owed = self.owed.saturating_sub(1);
+        self.lives(now_ns);
+    }
+
+    /// Something of it came that is no reading: its pause is short, and its next answer is given time.
+    pub(crate) fn lives(&mut self, now_ns: u64) {
         self.silent_in_a_row = self.silent_in_a_row.min(PATIENCE - 1);
         self.rest = Rest {
             pause_ns: 0,

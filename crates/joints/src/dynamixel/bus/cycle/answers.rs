@@ -96,6 +96,9 @@ impl Bus {
         let took_ns = self.beyond_wire_ns(position + 1, now_ns);
         self.servos[servo].took(took_ns);
         self.servos[servo].take_status(status);
+        if !matches!(self.pass.kind, Kind::Plain | Kind::Fast) {
+            self.servos[servo].lives(now_ns);
+        }
         match self.pass.kind {
             Kind::Plain | Kind::Fast => {
                 self.take_present(position, status, data, packet.raw.len(), now_ns);
