@@ -362,7 +362,8 @@ def test_who_cannot_start_a_motor_anew_that_runs_hears_that_it_is_told_to_be_off
         daemon.wait_status(lambda s: s["joints"]["readings"] > 50, "nothing is read")
         for more in [{}, {"pwm_percent": 1}, {"hold_ms": 10_000}]:
             with connect(daemon.control_path) as client:
-                assert ask(client, on)["ok"]
+                started = ask(client, on)
+                assert started["ok"], started
                 servos.tell("fault 5 silent")
                 refused = ask(client, on | more)
                 assert not refused["ok"] and refused["error"].endswith(told), refused
