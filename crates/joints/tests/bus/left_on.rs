@@ -3,9 +3,10 @@
 use crate::restarts::{lost, meddle, refusal, torque_and_watchdog};
 use crate::writes::watched;
 use crate::{MS, World};
+use taxel_joints::DynamixelConfig;
 use taxel_joints::bus::{MotorLost, WriteCommand};
 use taxel_joints::protocol2::Instruction;
-use taxel_sim::servo::{AfterSilence, ServoFault};
+use taxel_sim::servo::{AfterSilence, ServoBuild, ServoFault};
 
 const ON: WriteCommand = WriteCommand::Torque(true);
 const GOAL: WriteCommand = WriteCommand::GoalPwm(90);
@@ -211,4 +212,72 @@ fn a_motor_that_was_left_on_and_that_another_program_switches_on_again_stays_on(
     leave_on(&mut w, 1, 50);
     w.cycles(300);
     assert_eq!(torque_and_watchdog(&w, 1)[0], 0);
+}
+
+/// Bytes on the wire of a question and all answers to it.
+fn question_bytes(request: &[u8]) -> Option<usize> {
+    let asked = match request[7] {
+        0x02 => 1,
+        0x82 => request.len() - 14,
+        _ => return None,
+    };
+    Some(request.len() + asked * (usize::from(u16::from_le_bytes([request[10], request[11]])) + 11))
+}
+
+#[test]
+fn no_question_to_a_servo_that_comes_later_keeps_the_bus_from_a_motor_that_runs() {
+    // A bus on which the usual question takes a good part of the time after which a motor stops.
+    for (servos, baud, watchdog_ms) in [(2, 9600, 200), (3, 9600, 260), (16, 57_600, 200), (16, 9600, 500)] {
+        for port_was_away in [false, true] {
+            let what = format!("{servos} at {baud}, port away {port_was_away}");
+            let mut config = DynamixelConfig::new("none", 1..=servos);
+            (config.allow_writes, config.watchdog_ms, config.baud) = (true, watchdog_ms, baud);
+            let mut w = World::new(&config, (1..=servos).map(ServoBuild::new));
+            w.fault(servos, ServoFault::Silent);
+            w.bus.port_opened();
+            w.cycles(20);
+            w.bus.command(0, ON).unwrap();
+            w.cycles(40);
+            let runs = [1, i32::from(watchdog_ms) / 20];
+            assert_eq!(torque_and_watchdog(&w, 1), runs, "{what}");
+            leave_on(&mut w, servos, 100);
+            w.servos.set_fault(servos, None, 1);
+            w.requests.clear();
+            if port_was_away {
+                w.bus.port_lost();
+                w.bus.port_opened();
+            }
+            w.cycles(60);
+            assert_eq!(torque_and_watchdog(&w, 1), runs, "{what}");
+            let longest = w.requests.iter().filter_map(|r| question_bytes(r)).max().unwrap();
+            // Of all, with as many bytes before Present PWM as there may be.
+            let usual = 14 + usize::from(servos) * (1 + 19 + 11);
+            assert!(longest <= usual, "{what}: {longest}");
+            // Its motor was left on all the same.
+            assert_eq!(torque_and_watchdog(&w, servos), [0, 0], "{what}");
+            let last = usize::from(servos) - 1;
+            assert_eq!(lost(&w, last), Some(MotorLost::LeftOn), "{what}");
+        }
+    }
+}
+
+#[test]
+fn a_servo_that_comes_later_is_asked_by_itself_whether_its_motor_was_left_on() {
+    let mut w = watched(16, 1000);
+    w.fault(5, ServoFault::Silent);
+    w.bus.port_opened();
+    w.cycles(100);
+    leave_on(&mut w, 5, 50);
+    w.servos.set_fault(5, None, 1);
+    w.requests.clear();
+    while w.bus.results()[4].is_err() {
+        w.cycles(1);
+    }
+    w.cycle(5 * MS);
+    assert_eq!(torque_and_watchdog(&w, 5), [0, 0]);
+    assert!(w.bus.results().iter().all(Result::is_ok), "all are read");
+    let asked: Vec<usize> = (w.requests.iter().filter(|r| asks_left_on(r)))
+        .map(|r| r.len() - 14)
+        .collect();
+    assert_eq!(asked, [1]);
 }

@@ -48,7 +48,7 @@ impl World {
         config.check().unwrap();
         Self {
             bus: Bus::new(config),
-            servos: ServoBus::new(builds, BAUD),
+            servos: ServoBus::new(builds, config.baud),
             now_ns: 1_000 * MS,
             piece: usize::MAX,
             requests: Vec::new(),

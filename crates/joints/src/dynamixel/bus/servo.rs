@@ -169,7 +169,7 @@ pub(crate) struct Servo {
     /// was told before.
     pub(crate) is_armed: Option<bool>,
     pub(crate) watch: Watch,
-    /// How often it is still asked with its position, until it says so, whether its motor was left on before the port was opened.
+    /// How often it is still asked, until it says so, whether its motor was left on before the port was opened.
     pub(crate) left_on_asks: u8,
     /// Bytes that it told in its answer, good or not, to the newest request that is over; `None` where none came.
     told_bytes: Option<usize>,
@@ -380,6 +380,12 @@ impl Servo {
     /// Whether it is still to say whether its motor was left on. One that rests is not waited for.
     pub(crate) fn is_to_say_left_on(&self) -> bool {
         self.left_on_asks > 0 && !self.rests()
+    }
+
+    /// Whether its watchdog may stop a motor that was switched on here, or is about to be: nothing may keep the bus for longer
+    /// than the usual question.
+    pub(crate) fn is_watched(&self) -> bool {
+        self.state.may_run || self.is_armed == Some(true)
     }
 
     /// Its motor is to be off, and it may not have heard that: it is told so, until it confirms that, as soon as may be.

@@ -12,6 +12,8 @@ pub(crate) enum Task {
     State,
     /// Address 98: whether its bus watchdog has stopped a motor that is on.
     Watchdog,
+    /// Addresses 64 to 98, torque enable to bus watchdog: whether its motor was left on, where nothing longer may be asked.
+    LeftOn,
     /// Addresses 144 to 146: voltage and temperature.
     Power,
 }
@@ -24,6 +26,9 @@ const PERIOD_NS: u64 = 1_000_000_000;
 /// Between two questions out of turn (identity, alert).
 const URGENT_GAP_NS: u64 = 10_000_000;
 
+/// From Torque Enable to Bus Watchdog.
+const LEFT_ON_BYTES: u16 = address::BUS_WATCHDOG - address::TORQUE_ENABLE + 1;
+
 impl Task {
     /// Address and number of bytes.
     pub(crate) fn span(self) -> (u16, u16) {
@@ -31,11 +36,12 @@ impl Task {
             Task::Identity => (address::MODEL_NUMBER, 11),
             Task::State => (address::TORQUE_ENABLE, 7),
             Task::Watchdog => (address::BUS_WATCHDOG, 1),
+            Task::LeftOn => (address::TORQUE_ENABLE, LEFT_ON_BYTES),
             Task::Power => (address::PRESENT_INPUT_VOLTAGE, 3),
         }
     }
 
-    /// Takes the answer; `false` if it does not have the task's length.
+    /// Takes the answer; `false` if it does not have the task's length, or has several tasks'.
     pub(crate) fn take(self, servo: &mut Servo, data: &[u8]) -> bool {
         let state = &mut servo.state;
         match (self, data) {

@@ -1,6 +1,6 @@
 //! What becomes of the answers.
 
-use super::Bus;
+use super::{Bus, LEFT_ON_BYTES};
 use crate::dynamixel::bus::pass::{Answer, Kind};
 use crate::dynamixel::bus::reading::{JointReading, NoReading, PRESENT_BYTES};
 use crate::dynamixel::bus::slow::Task;
@@ -102,8 +102,12 @@ impl Bus {
         match self.pass.kind {
             Kind::Plain | Kind::Fast => {
                 self.take_present(position, status, data, packet.raw.len(), now_ns);
-                self.take_left_on(servo, data);
+                // What stands before Torque Enable only gives the answer a length of its own.
+                if let Some(data) = data.last_chunk::<LEFT_ON_BYTES>() {
+                    self.take_left_on(servo, data);
+                }
             }
+            Kind::Slow(Task::LeftOn) if status.error().is_none() => self.take_left_on(servo, data),
             Kind::Slow(task) => {
                 if status.error().is_none() {
                     self.take_told(servo, task, data);

@@ -82,6 +82,8 @@ const SUSPICION_NS: u64 = 200_000_000;
 const LEADS: u16 = 8;
 /// Bytes from Torque Enable to Present PWM: they are read as well where servos are to say whether their motors were left on.
 const LEFT_ON_LEAD: u16 = address::PRESENT_PWM - address::TORQUE_ENABLE;
+/// From Torque Enable to Present Position.
+const LEFT_ON_BYTES: usize = LEFT_ON_LEAD as usize + PRESENT_BYTES;
 /// Fast sync reads tried before it is given up, and those in a row that may fail later.
 const FAST_TRIES: u32 = 3;
 /// After a fast sync read that had worked was given up, it is tried again so much later.
@@ -115,9 +117,14 @@ pub struct Bus {
     pass: Pass,
     pass_active: bool,
     passes: u32,
+    /// Whether one servo had its turn in this cycle to say whether its motor was left on, where it is not asked for that with its
+    /// position.
+    left_on_done: bool,
     slow_done: bool,
     slow_ns: u64,
     again: Vec<usize>,
+    /// Those that are asked for their positions behind the ones that are to say whether their motors were left on.
+    behind: Vec<usize>,
     /// 0 to 7: how many bytes before Present PWM are read as well, and which length what servos hold is read with.
     lead: u16,
     /// Which of two lengths that is.
@@ -178,9 +185,11 @@ impl Bus {
             pass: Pass::new(n),
             pass_active: false,
             passes: 0,
+            left_on_done: true,
             slow_done: true,
             slow_ns: 0,
             again: Vec::with_capacity(n),
+            behind: Vec::with_capacity(n),
             lead: 0,
             held_turn: 0,
             suspicious_ns: None,
@@ -296,11 +305,12 @@ impl Bus {
         self.begun_ns = now_ns;
         self.counters.cycles += 1;
         self.passes = 0;
-        self.slow_done = self.ends;
+        (self.left_on_done, self.slow_done) = (self.ends, self.ends);
         (self.writes_done, self.offs_done) = (false, false);
         self.pass_active = false;
         // A cycle that the port did not see to its end leaves those that were to be asked in it.
         self.again.clear();
+        self.behind.clear();
         let due = (0..self.servos.len())
             .filter(|i| self.servos[*i].rest.until_ns.is_some_and(|t| t <= now_ns))
             .min_by_key(|i| self.servos[*i].rest.until_ns);
@@ -323,6 +333,7 @@ impl Bus {
         if self.pass.order.is_empty() || self.ends {
             return;
         }
+        self.let_left_on_pass();
         let is_off_due =
             self.servos.iter().any(|servo| servo.is_off_due(now_ns)) || self.is_repeat_due(now_ns);
         if is_off_due || self.writes.front().is_some_and(|write| write.urgent) {

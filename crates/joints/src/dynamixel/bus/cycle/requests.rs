@@ -1,15 +1,31 @@
 //! Which request comes next, and what follows from a request that is over.
 
 use super::{
-    Bus, FAST_AGAIN_NS, FAST_TRIES, FastState, LEADS, LEFT_ON_LEAD, OFFS_NS, PASSES, SLOW_SHARE, SUSPICION_NS,
+    Bus, FAST_AGAIN_NS, FAST_TRIES, FastState, LEADS, LEFT_ON_BYTES, LEFT_ON_LEAD, OFFS_NS, PASSES,
+    SLOW_SHARE, SUSPICION_NS,
 };
 use crate::dynamixel::bus::pass::{Answer, Kind};
 use crate::dynamixel::bus::reading::PRESENT_BYTES;
+use crate::dynamixel::bus::servo::Servo;
+use crate::dynamixel::bus::slow::Task;
 use crate::dynamixel::bus::writes::{Write, WriteError, WriteRefused};
 use crate::dynamixel::protocol2::STATUS_OVERHEAD;
 use crate::dynamixel::registers::address;
 
 impl Bus {
+    /// Servos that are to say whether their motors were left on are asked for that with their positions, before the others. Not
+    /// where a motor runs that was switched on here: the longer question would keep the bus, and might have its watchdog stop it.
+    pub(super) fn let_left_on_pass(&mut self) {
+        let servos = &self.servos;
+        let is_to_say = |i: &usize| servos[*i].is_to_say_left_on();
+        if servos.iter().any(Servo::is_watched) || !self.pass.order.iter().any(is_to_say) {
+            return;
+        }
+        let others = self.pass.order.iter().filter(|i| !is_to_say(i));
+        self.behind.extend(others);
+        self.pass.order.retain(is_to_say);
+    }
+
     /// Prepares a request for the positions of the servos in `pass.order`.
     pub(super) fn ask_positions(&mut self, kind: Kind, now_ns: u64) {
         if self
@@ -19,7 +35,8 @@ impl Bus {
             self.suspicious_ns = None;
             self.lead = 0;
         }
-        let asks_left_on = (self.pass.order.iter()).any(|i| self.servos[*i].is_to_say_left_on());
+        let asks_left_on = (self.pass.order.iter()).all(|i| self.servos[*i].is_to_say_left_on())
+            && !self.servos.iter().any(Servo::is_watched);
         let (kind, lead) = match asks_left_on {
             true => (Kind::Plain, self.lead + LEFT_ON_LEAD),
             false => (kind, self.lead),
@@ -45,6 +62,10 @@ impl Bus {
     /// Decides what comes after the pass that ended; `false` if the cycle is over.
     pub(super) fn next_request(&mut self, now_ns: u64) -> bool {
         self.end_repeats(now_ns);
+        if self.again.is_empty() && !self.behind.is_empty() {
+            self.again.append(&mut self.behind);
+            self.passes = 0;
+        }
         if !self.writes_done && !self.offs_done {
             self.switch_off_again(now_ns);
             self.repeat_offs(now_ns);
@@ -64,6 +85,9 @@ impl Bus {
             self.ask_positions(Kind::Plain, now_ns);
             return true;
         }
+        if !std::mem::replace(&mut self.left_on_done, true) && self.ask_left_on() {
+            return true;
+        }
         if self.slow_done {
             return false;
         }
@@ -76,14 +100,36 @@ impl Bus {
         let Some((servo, task)) = self.lane.next(&self.servos, now_ns) else {
             return false;
         };
+        self.slow_ns = now_ns;
+        self.ask_one(servo, task);
+        true
+    }
+
+    fn ask_one(&mut self, servo: usize, task: Task) {
         let (at, length) = task.span();
         self.pass.order.clear();
         self.pass.order.push(servo);
         let packet = self.encoder.read(self.servos[servo].id, at, length);
         load(&mut self.request, Some(packet));
         self.pass.begin(Kind::Slow(task), at, length);
-        self.slow_ns = now_ns;
         self.activate();
+    }
+
+    /// Where a motor runs that was switched on here, asks one of the others whether its own was left on, in turn: that question
+    /// and its answer are shorter than the usual question to two servos.
+    fn ask_left_on(&mut self) -> bool {
+        if !self.servos.iter().any(Servo::is_watched) {
+            return false;
+        }
+        let is_to_say = |i: &usize| {
+            let servo = &self.servos[*i];
+            servo.is_to_say_left_on() && servo.state.alive && !servo.state.may_run
+        };
+        let to_say = (0..self.servos.len()).filter(is_to_say);
+        let Some(servo) = to_say.max_by_key(|i| self.servos[*i].left_on_asks) else {
+            return false;
+        };
+        self.ask_one(servo, Task::LeftOn);
         true
     }
 
@@ -154,15 +200,23 @@ impl Bus {
             Kind::ReadBack if self.writes.front().is_some_and(|write| write.urgent) => self.end_offs(now_ns),
             Kind::ReadBack => self.end_together(),
             Kind::Told => {}
-            Kind::Slow(_) => self.counters.slow_unanswered += u64::from(unanswered && !self.pass.left),
+            Kind::Slow(task) => self.end_slow(task, unanswered && !self.pass.left),
             Kind::Plain => self.end_plain(now_ns),
             Kind::Fast => self.end_fast(unanswered, now_ns),
         }
     }
 
+    fn end_slow(&mut self, task: Task, is_silent: bool) {
+        self.counters.slow_unanswered += u64::from(is_silent);
+        if task == Task::LeftOn && !self.pass.left {
+            let servo = &mut self.servos[self.pass.order[0]];
+            servo.left_on_asks = servo.left_on_asks.saturating_sub(1);
+        }
+    }
+
     fn end_plain(&mut self, now_ns: u64) {
         self.again.clear();
-        let was_asked_left_on = self.pass.data_bytes >= PRESENT_BYTES as u16 + LEFT_ON_LEAD;
+        let was_asked_left_on = usize::from(self.pass.data_bytes) >= LEFT_ON_BYTES;
         for (position, i) in self.pass.order.iter().copied().enumerate() {
             let servo = &mut self.servos[i];
             match self.pass.answers[position] {

@@ -5,17 +5,13 @@
 //! none is given a goal that may have restarted since its watchdog was known.
 
 use super::requests::load;
-use super::{Bus, LEFT_ON_LEAD, WRITE_TRIES};
+use super::{Bus, WRITE_TRIES};
 use crate::dynamixel::bus::pass::{Answer, Kind};
-use crate::dynamixel::bus::reading::PRESENT_BYTES;
 use crate::dynamixel::bus::servo::Watch;
 use crate::dynamixel::bus::slow::Task;
 use crate::dynamixel::bus::writes::{MotorLost, Write, WriteError, WriteRefused};
 use crate::dynamixel::registers::{WATCHDOG_TRIPPED, address};
 use crate::error::MAX_JOINTS;
-
-/// From Torque Enable to Present Position.
-const LEFT_ON_BYTES: usize = LEFT_ON_LEAD as usize + PRESENT_BYTES;
 
 impl Bus {
     /// Why a motor that is off is given no goal.
@@ -26,14 +22,10 @@ impl Bus {
         }
     }
 
-    /// Behind the opening of a port a servo has told all from Torque Enable to its position. A motor that is on, though nobody
-    /// has switched it on since, was left on: where its watchdog is armed, whoever armed it relies on that to stop it, and it
-    /// does not, since reading feeds it. One that is on without a watchdog is another program's.
+    /// Behind the opening of a port a servo has told all from Torque Enable to Bus Watchdog, or beyond. A motor that is on, though
+    /// nobody has switched it on since, was left on: where its watchdog is armed, whoever armed it relies on that to stop it, and
+    /// it does not, since reading feeds it. One that is on without a watchdog is another program's.
     pub(super) fn take_left_on(&mut self, servo: usize, data: &[u8]) {
-        // What stands before Torque Enable only gives the answer a length of its own.
-        let Some(data) = data.last_chunk::<LEFT_ON_BYTES>() else {
-            return;
-        };
         if std::mem::take(&mut self.servos[servo].left_on_asks) == 0 {
             return;
         }
