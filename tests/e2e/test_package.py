@@ -8,6 +8,7 @@ from pathlib import Path
 
 import pytest
 from harness.daemon import binary
+from harness.pages import DOCS, commands
 
 ROOT = Path(__file__).parents[2]
 
@@ -43,6 +44,28 @@ def test_pages_of_man_refer_to_pages_and_files_that_are_packaged(packaged):
             assert f"{name}.{section}" in pages, f"{page.name}: {name}({section})"
         for path in re.findall(r"/usr/share/doc/taxeld/[\w./-]+\w", text):
             assert (packaged / path.lstrip("/")).exists(), f"{page.name}: {path}"
+
+
+def test_what_the_guide_installs_by_hand_is_what_is_packaged(packaged, tmp_path):
+    by_hand = [line for line in commands(DOCS / "guide.md") if re.match(r"install .*\bsystemd/", line)]
+    # Where a machine has them.
+    for folder in ("etc/systemd/system", "etc/udev/rules.d", "usr/lib/sysusers.d", "usr/lib/sysctl.d"):
+        (tmp_path / folder).mkdir(parents=True)
+    for line in by_hand:
+        there = re.sub(r" /(?=etc/|usr/)", f" {tmp_path}/", line)
+        subprocess.run(["bash", "-euc", there], cwd=ROOT, check=True)
+    found = {str(path.relative_to(tmp_path)): path.read_text() for path in tmp_path.rglob("*") if path.is_file()}
+    examples = "usr/share/doc/taxeld/examples"
+    wanted = {
+        **{f"etc/systemd/system/{unit.name}": unit for unit in (packaged / "usr/lib/systemd/system").iterdir()},
+        "usr/lib/sysusers.d/taxeld.conf": packaged / "usr/lib/sysusers.d/taxeld.conf",
+        "usr/lib/sysctl.d/05-taxeld.sysctl.conf": packaged / "usr/lib/sysctl.d/05-taxeld.conf",
+        "etc/udev/rules.d/60-taxeld-serial.rules": packaged / "usr/lib/udev/rules.d/60-taxeld-serial.rules",
+        "etc/taxeld/taxeld.toml": packaged / "etc/taxeld/taxeld.toml",
+        "etc/systemd/system/taxeld.service.d/serial.conf": packaged / examples / "taxeld-serial.conf",
+        "etc/systemd/system/taxeld.service.d/network.conf": packaged / examples / "taxeld-network.conf",
+    }
+    assert found == {place: path.read_text() for place, path in wanted.items()}
 
 
 @pytest.mark.skipif(not shutil.which("systemd-analyze"), reason="no systemd-analyze: apt-get install systemd")
