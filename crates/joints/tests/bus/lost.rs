@@ -1,8 +1,11 @@
 //! What a motor does whose commands were lost with the port, or came at the end.
 
-use crate::World;
+use crate::restarts::{lost, meddle, torque_and_watchdog};
 use crate::writes::{register, start, watched, writable, write_of};
-use taxel_joints::bus::{Step, WriteCommand, WriteRefused};
+use crate::{MS, World};
+use taxel_joints::bus::{MotorLost, Step, WriteCommand, WriteRefused};
+use taxel_joints::protocol2::Instruction;
+use taxel_sim::servo::ServoFault;
 
 #[test]
 fn a_motor_whose_start_was_lost_with_the_port_is_off_when_that_is_back() {
@@ -108,6 +111,90 @@ fn a_port_that_comes_and_goes_while_a_motor_is_to_be_switched_off_leaves_no_ques
         assert!(
             asked.max().is_some_and(|most| most <= usize::from(servos)),
             "{servos} servos"
+        );
+    }
+}
+
+/// Two motors, of which the first has gone off by itself, and that is known.
+fn gone_off() -> World {
+    let mut w = watched(2, 2540);
+    start(&mut w, [0, 1]);
+    meddle(&mut w, 1, Instruction::Write, &[64, 0, 0]);
+    while lost(&w, 0).is_none() {
+        w.cycles(1);
+    }
+    assert_eq!(lost(&w, 0), Some(MotorLost::GoneOff));
+    assert_eq!(torque_and_watchdog(&w, 1), [0, 127]);
+    w
+}
+
+#[test]
+fn a_motor_that_another_program_has_by_now_is_not_switched_off_at_the_end() {
+    // What the other has written to Bus Watchdog and Torque Enable, and what they are behind the end.
+    for (written, end) in [
+        (&[(98, 0), (64, 1)][..], [1, 0]),
+        (&[(64, 1)], [1, 0]),
+        (&[(98, 50), (64, 1)], [1, 50]),
+        (&[(98, 50)], [0, 50]),
+        (&[(98, 0)], [0, 0]),
+        (&[], [0, 0]),
+    ] {
+        for cycles in [0, 1, 400] {
+            let mut w = gone_off();
+            for (at, value) in written {
+                meddle(&mut w, 1, Instruction::Write, &[*at, 0, *value]);
+            }
+            w.cycles(cycles);
+            w.bus.release_motors();
+            w.requests.clear();
+            w.cycles(3);
+            let what = format!("{written:?}, {cycles} cycles later");
+            assert_eq!(torque_and_watchdog(&w, 1), end, "{what}");
+            assert_eq!(torque_and_watchdog(&w, 2), [0, 0], "{what}");
+            let is_to_be_off = |r: &Vec<u8>| write_of(r) == Some((1, 64, 0));
+            assert!(!w.requests.iter().any(is_to_be_off), "{what}");
+            assert!(!w.bus.has_writes() && !w.bus.servo(0).unwrap().motor_off.unconfirmed);
+        }
+    }
+}
+
+#[test]
+fn a_watchdog_that_has_stopped_another_programs_motor_is_not_cleared_at_the_end() {
+    for torque in [0, 1] {
+        let mut w = gone_off();
+        meddle(&mut w, 1, Instruction::Write, &[64, 0, torque]);
+        w.now_ns += 3000 * MS;
+        w.servos.handle_time(w.now_ns);
+        w.bus.release_motors();
+        w.cycles(3);
+        let left = if torque == 1 { 255 } else { 0 };
+        assert_eq!(torque_and_watchdog(&w, 1), [i32::from(torque), left]);
+        assert!(!w.bus.has_writes());
+    }
+}
+
+#[test]
+fn a_motor_that_is_known_to_be_off_is_not_waited_for_at_the_end() {
+    for port_is_away in [false, true] {
+        let mut w = gone_off();
+        w.fault(1, ServoFault::Silent);
+        w.cycles(100);
+        w.bus.command(1, WriteCommand::Torque(false)).unwrap();
+        w.cycles(3);
+        if port_is_away {
+            w.bus.port_lost();
+        }
+        w.bus.release_motors();
+        match port_is_away {
+            true => w.bus.port_lost(),
+            false => {
+                w.cycle(0);
+            }
+        }
+        assert!(!w.bus.has_writes(), "away {port_is_away}");
+        assert!(
+            !w.bus.servo(0).unwrap().motor_off.unconfirmed,
+            "away {port_is_away}"
         );
     }
 }

@@ -168,6 +168,8 @@ pub(crate) struct Servo {
     /// Whether it was told here to arm its watchdog, and has not said since that it is cleared; `None` where nobody knows what it
     /// was told before.
     pub(crate) is_armed: Option<bool>,
+    /// How often it is still asked at the end whether its watchdog is as it was armed, though its motor is not on here.
+    pub(crate) disarm_asks: u32,
     pub(crate) watch: Watch,
     /// How often it is still asked, until it says so, whether its motor was left on before the port was opened.
     pub(crate) left_on_asks: u8,
@@ -201,6 +203,7 @@ impl Servo {
             is_told_off: false,
             is_asked_off_again: false,
             is_armed: None,
+            disarm_asks: 0,
             watch: Watch::default(),
             left_on_asks: 0,
             told_bytes: None,

@@ -262,14 +262,18 @@ impl Write {
         }
     }
 
-    /// Clears the watchdog of a motor that is off, for the same command.
-    pub(crate) fn disarming(&self) -> Self {
+    /// Clears the watchdog of a motor that is off, or nobody's here.
+    pub(crate) fn disarming(servo: usize) -> Self {
         Self {
-            number: self.number,
             last: true,
             urgent: true,
-            ..Self::new(self.servo, address::BUS_WATCHDOG, [0])
+            ..Self::new(servo, address::BUS_WATCHDOG, [0])
         }
+    }
+
+    /// Whether it does no more than that: nobody is told what becomes of it.
+    pub(crate) fn only_disarms(&self) -> bool {
+        self.urgent && !self.is_motor_off()
     }
 
     /// The writes that a command takes, in order. A watchdog that has tripped is cleared before it is armed, and meanwhile

@@ -107,7 +107,10 @@ impl Bus {
                     self.take_left_on(servo, data);
                 }
             }
-            Kind::Slow(Task::LeftOn) if status.error().is_none() => self.take_left_on(servo, data),
+            Kind::Slow(Task::LeftOn) if status.error().is_none() => match self.ends {
+                true => self.take_armed(servo, data),
+                false => self.take_left_on(servo, data),
+            },
             Kind::Slow(task) => {
                 if status.error().is_none() {
                     self.take_told(servo, task, data);

@@ -159,20 +159,21 @@ impl Bus {
         self.offs_untold = true;
     }
 
-    /// Has every motor switched off that was switched on with [`Bus::command`], of which nobody knows whether it is off, or whose
-    /// watchdog was armed and not cleared since, and does nothing else any more; one that was still to be switched on stays off,
-    /// also where a cycle was left before its end. Returns for how long they are told so, nanoseconds: half a second or, where
-    /// that is longer, as long as they may take to confirm it one after the other, by what their answers took so far; two seconds
-    /// at most.
+    /// Has every motor switched off that was switched on with [`Bus::command`], or of which nobody knows whether it is off, and
+    /// does nothing else any more; one that was still to be switched on stays off, also where a cycle was left before its end.
+    /// Where a motor is off already, or another program's by now, its watchdog is cleared if it is still as it was armed. Returns
+    /// for how long they are told so, nanoseconds: half a second or, where that is longer, as long as they may take to confirm it
+    /// one after the other, by what their answers took so far; two seconds at most.
     pub fn release_motors(&mut self) -> u64 {
         if std::mem::take(&mut self.pass_active) && self.pass.sent_ns.is_some() {
             self.leave_request();
         }
         self.ends = true;
         for servo in 0..self.servos.len() {
-            let is_armed = self.servos[servo].is_armed == Some(true);
-            if is_armed || self.will_run(servo) || self.servos[servo].is_owed_off() {
+            if self.will_run(servo) || self.servos[servo].is_owed_off() {
                 self.switch_off(self.servos[servo].state.motor_off.newest, servo);
+            } else {
+                self.owe_disarming(servo);
             }
         }
         let offs = self.writes.iter().filter(|write| write.switches_off());

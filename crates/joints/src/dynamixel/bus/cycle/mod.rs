@@ -263,14 +263,18 @@ impl Bus {
             if write.switches_off() || write.is_motor_on() && servo.state.may_run {
                 servo.owe_off();
             }
-            self.note(write.servo, write.number, Err(WriteError::PortLost));
+            if !write.only_disarms() {
+                self.note(write.servo, write.number, Err(WriteError::PortLost));
+            }
         }
         self.forget_repeats();
+        self.servos.iter_mut().for_each(|servo| servo.disarm_asks = 0);
     }
 
-    /// Whether writes wait to be sent, or have to be sent again.
+    /// Whether writes wait to be sent, or have to be sent again, or may follow from what servos say.
     pub fn has_writes(&self) -> bool {
-        !self.writes.is_empty() || self.servos.iter().any(Servo::is_owed_off)
+        let is_owed = |servo: &Servo| servo.is_owed_off() || servo.disarm_asks > 0;
+        !self.writes.is_empty() || self.servos.iter().any(is_owed)
     }
 
     /// Forgets what the port held, and what was to be written: the port has been opened anew.

@@ -11,6 +11,7 @@ use crate::dynamixel::bus::slow::Task;
 use crate::dynamixel::bus::writes::{Write, WriteError, WriteRefused};
 use crate::dynamixel::protocol2::STATUS_OVERHEAD;
 use crate::dynamixel::registers::address;
+use crate::error::MAX_JOINTS;
 
 impl Bus {
     /// Servos that are to say whether their motors were left on are asked for that with their positions, before the others. Not
@@ -85,6 +86,9 @@ impl Bus {
             self.ask_positions(Kind::Plain, now_ns);
             return true;
         }
+        if self.ends && self.ask_armed() {
+            return true;
+        }
         if !std::mem::replace(&mut self.left_on_done, true) && self.ask_left_on() {
             return true;
         }
@@ -106,12 +110,24 @@ impl Bus {
     }
 
     fn ask_one(&mut self, servo: usize, task: Task) {
-        let (at, length) = task.span();
         self.pass.order.clear();
         self.pass.order.push(servo);
-        let packet = self.encoder.read(self.servos[servo].id, at, length);
-        load(&mut self.request, Some(packet));
-        self.pass.begin(Kind::Slow(task), at, length);
+        self.ask(Kind::Slow(task), task);
+    }
+
+    /// Prepares a question to the servos in `pass.order`, of which there are some.
+    pub(super) fn ask(&mut self, kind: Kind, task: Task) {
+        let (at, length) = task.span();
+        let mut ids = [0; MAX_JOINTS];
+        for (id, servo) in ids.iter_mut().zip(&self.pass.order) {
+            *id = self.servos[*servo].id;
+        }
+        let packet = match self.pass.order.len() {
+            1 => Some(self.encoder.read(ids[0], at, length)),
+            count => self.encoder.sync_read(at, length, &ids[..count]),
+        };
+        load(&mut self.request, packet);
+        self.pass.begin(kind, at, length);
         self.activate();
     }
 
@@ -208,7 +224,9 @@ impl Bus {
 
     fn end_slow(&mut self, task: Task, is_silent: bool) {
         self.counters.slow_unanswered += u64::from(is_silent);
-        if task == Task::LeftOn && !self.pass.left {
+        if self.ends {
+            self.end_armed();
+        } else if task == Task::LeftOn && !self.pass.left {
             let servo = &mut self.servos[self.pass.order[0]];
             servo.left_on_asks = servo.left_on_asks.saturating_sub(1);
         }
@@ -320,7 +338,7 @@ impl Bus {
         if servo.state.may_run || servo.state.torque_enabled == Some(true) {
             servo.owe_off();
         } else if servo.is_armed == Some(true) {
-            self.disarm(failed);
+            self.disarm(failed.servo);
         }
     }
 }

@@ -174,7 +174,7 @@ impl Bus {
         self.pass.told -= 1;
         self.counters.writes_ok += 1;
         self.servos[write.servo].confirmed(write.address, write.data[0]);
-        if write.last {
+        if write.last && !write.only_disarms() {
             self.note(write.servo, write.number, Ok(()));
         }
         let servo = &mut self.servos[write.servo];
@@ -184,18 +184,18 @@ impl Bus {
             self.note(write.servo, number, Ok(()));
         }
         if write.switches_off() && self.servos[write.servo].is_armed != Some(false) {
-            self.disarm(&write);
+            self.disarm(write.servo);
         }
     }
 
     /// Has a servo's watchdog cleared, whose motor is off, behind all that are to be off. Of two with its id the other may be on,
     /// so that theirs stay armed.
-    pub(super) fn disarm(&mut self, done: &Write) {
+    pub(super) fn disarm(&mut self, servo: usize) {
         let mut urgent = self.writes.iter().take_while(|write| write.urgent);
         let behind = urgent.clone().count();
-        let is_told_more = urgent.any(|write| write.servo == done.servo);
-        if !is_told_more && !self.servos[done.servo].is_shared(self.begun_ns) {
-            self.writes.insert(behind, done.disarming());
+        let is_told_more = urgent.any(|write| write.servo == servo);
+        if !is_told_more && !self.servos[servo].is_shared(self.begun_ns) {
+            self.writes.insert(behind, Write::disarming(servo));
         }
     }
 
@@ -318,7 +318,7 @@ impl Bus {
         }
         self.writes.remove(at);
         self.counters.writes_failed += 1;
-        if write.urgent && !write.is_motor_off() {
+        if write.only_disarms() {
             // The motor is off, so that its watchdog has nothing to stop.
             return false;
         }

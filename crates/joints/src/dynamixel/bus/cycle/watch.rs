@@ -4,14 +4,12 @@
 //! A servo that restarts forgets its watchdog, and may come back with its motor on (Startup Configuration, address 60). So
 //! none is given a goal that may have restarted since its watchdog was known.
 
-use super::requests::load;
 use super::{Bus, WRITE_TRIES};
 use crate::dynamixel::bus::pass::{Answer, Kind};
 use crate::dynamixel::bus::servo::Watch;
 use crate::dynamixel::bus::slow::Task;
 use crate::dynamixel::bus::writes::{MotorLost, Write, WriteError, WriteRefused};
 use crate::dynamixel::registers::{WATCHDOG_TRIPPED, address};
-use crate::error::MAX_JOINTS;
 
 impl Bus {
     /// Why a motor that is off is given no goal.
@@ -29,19 +27,69 @@ impl Bus {
         if std::mem::take(&mut self.servos[servo].left_on_asks) == 0 {
             return;
         }
-        let told = |task: Task| {
-            let (at, length) = task.span();
-            &data[usize::from(at - address::TORQUE_ENABLE)..][..usize::from(length)]
-        };
-        self.take_told(servo, Task::State, told(Task::State));
+        self.take_told(servo, Task::State, told(Task::State, data));
         if self.servos[servo].state.torque_enabled != Some(true) {
             return;
         }
-        self.take_told(servo, Task::Watchdog, told(Task::Watchdog));
-        let is_armed = matches!(told(Task::Watchdog), [1..=127]);
+        self.take_told(servo, Task::Watchdog, told(Task::Watchdog, data));
+        let is_armed = matches!(told(Task::Watchdog, data), [1..=127]);
         let is_ours = self.servos[servo].state.may_run || self.servos[servo].is_to_be_off;
         if is_armed && !is_ours {
             self.lose_motor(servo, MotorLost::LeftOn);
+        }
+    }
+
+    /// At the end a watchdog is cleared that was armed here for a motor that is off by now, or another program's: it would stop
+    /// that one's. Of two servos with one id either may be on.
+    pub(super) fn owe_disarming(&mut self, servo: usize) {
+        let is_told_more = self.writes.iter().any(|write| write.servo == servo);
+        let servo = &mut self.servos[servo];
+        if servo.is_armed == Some(true) && !is_told_more && !servo.is_shared(self.begun_ns) {
+            servo.disarm_asks = WRITE_TRIES;
+        }
+    }
+
+    /// Asks those servos what is armed and what is on by now, once nothing else is to be told; `false` where there are none.
+    pub(super) fn ask_armed(&mut self) -> bool {
+        let owed = |i: &usize| self.servos[*i].disarm_asks > 0;
+        let servos = 0..self.servos.len();
+        self.pass.order.clear();
+        self.pass.order.extend(servos.filter(owed));
+        if self.pass.order.is_empty() || !self.writes.is_empty() {
+            return false;
+        }
+        // Nobody waits for one that rests.
+        let servos = &self.servos;
+        self.pass.order.sort_unstable_by_key(|i| (servos[*i].rests(), *i));
+        self.offs_untold = false;
+        self.ask(Kind::Slow(Task::LeftOn), Task::LeftOn);
+        true
+    }
+
+    /// Such a servo says so. Its watchdog is left alone where it is another one's by now; and one that has stopped a motor which
+    /// is on would let it turn again.
+    pub(super) fn take_armed(&mut self, servo: usize, data: &[u8]) {
+        let asks = std::mem::take(&mut self.servos[servo].disarm_asks);
+        let is_on = told(Task::State, data)[0] != 0;
+        let is_ours = match told(Task::Watchdog, data) {
+            [WATCHDOG_TRIPPED] => !is_on,
+            [steps] => *steps == self.watchdog_steps,
+            _ => false,
+        };
+        if asks > 0 && is_ours {
+            self.disarm(servo);
+        }
+    }
+
+    /// Those servos have said so, or will not any more. Those that may only have waited for a silent one are asked again.
+    pub(super) fn end_armed(&mut self) {
+        for (position, i) in self.pass.order.iter().copied().enumerate() {
+            let servo = &mut self.servos[i];
+            match self.pass.answers[position] {
+                Answer::Awaited if !self.pass.left && !self.pass.is_silent(position) => {}
+                Answer::Awaited if !servo.state.alive => servo.disarm_asks = 0,
+                _ => servo.disarm_asks = servo.disarm_asks.saturating_sub(1),
+            }
         }
     }
 
@@ -77,6 +125,8 @@ impl Bus {
                     watchdog => self.lose_motor(servo, MotorLost::Meddled { watchdog, armed }),
                 }
             }
+            // Its servo has restarted, or another program has cleared it.
+            (Task::Watchdog, [0]) => self.servos[servo].is_armed = Some(false),
             _ => {}
         }
     }
@@ -156,28 +206,20 @@ impl Bus {
         let Some(first) = self.writes.front().copied() else {
             return false;
         };
-        let mut ids = [0; MAX_JOINTS];
         self.pass.order.clear();
         let alike = (self.writes.iter()).take_while(|write| {
             write.number == first.number && write.address == first.address && write.moves()
         });
         for write in alike {
-            let servo = &self.servos[write.servo];
-            let count = self.pass.order.len();
-            if servo.watch != Watch::Known && count < ids.len() && !self.pass.order.contains(&write.servo) {
-                ids[count] = servo.id;
+            let watch = self.servos[write.servo].watch;
+            if watch != Watch::Known && !self.pass.order.contains(&write.servo) {
                 self.pass.order.push(write.servo);
             }
         }
-        let (at, length) = Task::Watchdog.span();
-        let packet = match self.pass.order.len() {
-            0 => return false,
-            1 => Some(self.encoder.read(ids[0], at, length)),
-            count => self.encoder.sync_read(at, length, &ids[..count]),
-        };
-        load(&mut self.request, packet);
-        self.pass.begin(Kind::Watchdog, at, length);
-        self.activate();
+        if self.pass.order.is_empty() {
+            return false;
+        }
+        self.ask(Kind::Watchdog, Task::Watchdog);
         true
     }
 
@@ -235,4 +277,10 @@ impl Bus {
             }
         }
     }
+}
+
+/// What answers a task, among all from Torque Enable on.
+fn told(task: Task, data: &[u8]) -> &[u8] {
+    let (at, length) = task.span();
+    &data[usize::from(at - address::TORQUE_ENABLE)..][..usize::from(length)]
 }
