@@ -12,6 +12,7 @@ mod restarts;
 mod shown;
 mod starts;
 mod times;
+mod together;
 mod told_again;
 mod writes;
 

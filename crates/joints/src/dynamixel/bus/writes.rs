@@ -194,7 +194,9 @@ pub(crate) struct Write {
     pub(crate) last: bool,
     /// Whether it goes before everything else.
     pub(crate) urgent: bool,
-    /// How often it was sent in vain.
+    /// Whether it was sent: from here on its servo may hold it.
+    pub(crate) is_sent: bool,
+    /// How often that was in vain.
     pub(crate) tries: u32,
 }
 
@@ -210,6 +212,7 @@ impl Write {
             number: 0,
             last: false,
             urgent: false,
+            is_sent: false,
             tries: 0,
         }
     }

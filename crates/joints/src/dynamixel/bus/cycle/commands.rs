@@ -117,6 +117,8 @@ impl Bus {
             if write.servo == servo && !(is_repeat && write.urgent) {
                 self.writes.remove(i);
                 self.note(servo, write.number, Err(WriteError::SwitchedOff));
+                self.refuse_others(&write, WriteRefused::MotorOff(servo));
+                i = out;
             } else {
                 i += 1;
             }

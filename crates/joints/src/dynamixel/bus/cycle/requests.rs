@@ -329,10 +329,8 @@ impl Bus {
                 break;
             }
             is_own &= !next.last;
-            self.writes.remove(i);
-            self.counters.writes_failed += 1;
-            let off = WriteError::NotTaken(WriteRefused::MotorOff(next.servo));
-            self.note(next.servo, next.number, Err(off));
+            self.refuse(i, WriteRefused::MotorOff(next.servo));
+            i = 0;
         }
         let servo = &mut self.servos[failed.servo];
         if servo.state.may_run || servo.state.torque_enabled == Some(true) {

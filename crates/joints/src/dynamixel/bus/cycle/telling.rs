@@ -66,7 +66,8 @@ impl Bus {
         self.pass.order.clear();
         let same = self.writes.iter().take_while(|write| write.is_told_with(&first));
         let count = same.count().max(1);
-        for (place, write) in told.iter_mut().zip(self.writes.iter().take(count)) {
+        for (place, write) in told.iter_mut().zip(self.writes.iter_mut().take(count)) {
+            write.is_sent = true;
             *place = (self.servos[write.servo].id, write.data);
             self.pass.order.push(write.servo);
         }

@@ -164,7 +164,7 @@ impl Bus {
                 // It is about to be started anew, which begins with switching it off.
                 return;
             }
-            self.refuse(at, WriteError::NotTaken(refused));
+            self.refuse(at, refused);
         }
         self.servos[servo].state.motor_lost = Some(lost);
         let servo = &mut self.servos[servo];
@@ -180,22 +180,24 @@ impl Bus {
     }
 
     /// Takes a write out of the queue, and with it those that are to be done together with it or not at all.
-    fn refuse(&mut self, at: usize, error: WriteError) {
-        let number = self.writes[at].number;
-        let mut next = at;
-        loop {
-            let Some(write) = self.writes.remove(next) else {
-                return;
-            };
+    pub(super) fn refuse(&mut self, at: usize, refused: WriteRefused) {
+        if let Some(write) = self.writes.remove(at) {
             self.counters.writes_failed += 1;
-            self.note(write.servo, number, Err(error));
-            match self
-                .writes
-                .iter()
-                .position(|write| number != 0 && write.number == number)
-            {
-                Some(other) => next = other,
-                None => return,
+            self.note(write.servo, write.number, Err(WriteError::NotTaken(refused)));
+            self.refuse_others(&write, refused);
+        }
+    }
+
+    /// Takes those goals out of the queue that were to be given together with this one. Once one was sent, all were.
+    pub(super) fn refuse_others(&mut self, of: &Write, refused: WriteRefused) {
+        if of.number == 0 || of.is_sent || !of.is_goal() {
+            return;
+        }
+        let is_other = |write: &Write| write.number == of.number && write.is_goal();
+        while let Some(at) = self.writes.iter().position(is_other) {
+            if let Some(write) = self.writes.remove(at) {
+                self.counters.writes_failed += 1;
+                self.note(write.servo, write.number, Err(WriteError::NotTaken(refused)));
             }
         }
     }
