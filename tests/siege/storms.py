@@ -1,14 +1,16 @@
 """Clients by the hundred that read, never read, come and go, ask without end or do nothing: they cost no image and no torque off.
 
     cargo build --release --workspace --bins --examples
-    TAXEL_BIN_DIR=target/release tests/siege/run storms [--seconds 20] [--short] [--only NAME] [--machine quiet|busy]
+    TAXEL_BIN_DIR=target/release tests/siege/run storms [--seconds 20] [--short] [--only NAME] [--machine quiet|busy] [--readers-fifo]
 
 A daemon with a simulated hand and servos serves 450 readers at 30 Hz through one storm after the other, on a quiet machine and
 beside eight busy loops that it starts and ends itself, with FIFO priority (root, or `LimitRTPRIO`) and without. It prints a row for
 each: age of an image when it was sent (ms from when it was due; the daemon's own histogram, over the storm alone), what the readers
 were not sent and how long the longest went without an image (the readers' own count), how long "torque off" took to be confirmed,
-and the daemon's memory and descriptors before and after. The exit status is 1 where a promise is broken; those are
-in `PROMISES`. `--short` is 3 seconds with a tenth of the clients, to see that the command works: then only what
+the daemon's memory and descriptors before and after, and what share of the processors' time a virtual machine's host took for others
+("steal"): where it is not 0, ticks are late by whatever the host does. The exit status is 1 where a promise is broken; those are
+in `PROMISES`. With `--readers-fifo` the readers have FIFO priority, too, below the daemon's: beside other work on the machine, an image
+waits for who is to read it otherwise, and that is what is measured. `--short` is 3 seconds with a tenth of the clients, to see that the command works: then only what
 does not depend on time is judged.
 """
 
@@ -59,7 +61,7 @@ PROMISES = {
     ("readers alone", "busy", False): {"skipped": 0.01},
 }
 LONGEST_TORQUE_OFF_MS = 100.0
-HEADER = ["storm", "machine", "FIFO", "age p50", "p99", "p99.9", "max", "images", "skipped", "gap ms", "torque off ms", "RSS MiB", "fds"]
+HEADER = ["storm", "machine", "FIFO", "age p50", "p99", "p99.9", "max", "images", "skipped", "gap ms", "torque off ms", "RSS MiB", "fds", "steal"]
 
 
 def read_all(path, count):
@@ -251,17 +253,20 @@ class Storm:
                 kept.pop().close()
 
 
-def torque_off_ms(daemon):
-    """How long a new client waits until "torque off" is confirmed; infinite where it is not."""
+def torque_off_ms(daemon, in_vain):
+    """How long a new client waits until "torque off" is confirmed; infinite where it is not, and why is put `in_vain`."""
     start = time.monotonic()
     try:
         with socket.socket(socket.AF_UNIX, socket.SOCK_STREAM) as connection:
             connection.settimeout(10)
             connection.connect(str(daemon.control_path))
             reply = ask(connection, release("joint 1"))
-    except (OSError, AssertionError):
+    except (OSError, AssertionError) as error:
+        reply = {"ok": False, "error": repr(error)}
+    if not reply["ok"]:
+        in_vain.append(reply["error"])
         return float("inf")
-    return (time.monotonic() - start) * 1e3 if reply["ok"] else float("inf")
+    return (time.monotonic() - start) * 1e3
 
 
 def sent(daemon):
@@ -280,9 +285,22 @@ def costs(daemon):
     return kib, len(os.listdir(f"/proc/{pid}/fd"))
 
 
+def processor_time():
+    """All of it so far, and what the host took for others."""
+    with open("/proc/stat") as stat:
+        times = [int(time) for time in stat.readline().split()[1:9]]
+    return sum(times), times[7]
+
+
+def read_first():
+    """Before a reader's program begins: it goes before all but the daemon."""
+    die_with_parent()
+    os.sched_setscheduler(0, os.SCHED_FIFO, os.sched_param(1))
+
+
 def left_over(daemon, before):
-    """Descriptors once those of the storm's clients are closed: one that was slowed finds out when its turn comes."""
-    end = time.monotonic() + 10
+    """Descriptors once those of the storm's clients are closed: of one that was slowed all that was asked is done at its pace."""
+    end = time.monotonic() + 60
     while (fds := costs(daemon)[1]) > before + SLACK_FDS and time.monotonic() < end:
         time.sleep(0.05)
     return fds
@@ -305,7 +323,7 @@ def quantiles(before, after):
     return [at(0.5), at(0.99), at(0.999), at(1.0)]
 
 
-def run(hand, folder, storm, machine, fifo, seconds, scale):
+def run(hand, folder, storm, machine, fifo, seconds, scale, readers_fifo):
     """One row of the table, and which promises are broken."""
     few = lambda n: max(1, n // scale) if n else 0  # noqa: E731
     clients = {kind: few(n) for kind, n in STORMS[storm].items()}
@@ -321,7 +339,7 @@ def run(hand, folder, storm, machine, fifo, seconds, scale):
             stdin=subprocess.PIPE,
             stdout=subprocess.PIPE,
             text=True,
-            preexec_fn=die_with_parent,
+            preexec_fn=read_first if readers_fifo else die_with_parent,
         )
         assert reading.stdout.readline() == "connected\n", "the readers did not connect"
         if machine == "busy":
@@ -335,12 +353,14 @@ def run(hand, folder, storm, machine, fifo, seconds, scale):
                 before = sent(daemon)
                 reading.stdin.write("count\n")
                 reading.stdin.flush()
-                offs, costs_before, begun = [], None, time.monotonic()
+                offs, in_vain, costs_before, begun = [], [], None, time.monotonic()
+                all_before, taken_before = processor_time()
                 while time.monotonic() < begun + seconds:
                     if costs_before is None and time.monotonic() > begun + seconds / 3:
                         costs_before = costs(daemon)
-                    offs.append(torque_off_ms(daemon))
+                    offs.append(torque_off_ms(daemon, in_vain))
                     time.sleep(0.25)
+                all_after, taken_after = processor_time()
                 costs_before, costs_after = costs_before or costs(daemon), costs(daemon)
                 reading.stdin.write("tell\n")
                 reading.stdin.flush()
@@ -359,6 +379,7 @@ def run(hand, folder, storm, machine, fifo, seconds, scale):
     row = [storm, machine, "yes" if fifo else "no", *(f"{age:.2f}" for age in ages), seen["images"], seen["skipped"]]
     row += [f"{seen['gap_ms']:.0f}", f"{max(offs):.0f}", f"{costs_before[0] / 1024:.1f} -> {costs_after[0] / 1024:.1f}"]
     row += [f"{costs_before[1]} -> {costs_after[1]} -> {fds_left}"]
+    row += [f"{100 * (taken_after - taken_before) / max(1, all_after - all_before):.1f} %"]
     broken = []
     if seen["lost"]:
         broken.append(f"{seen['lost']} readers that read were let go")
@@ -376,7 +397,7 @@ def run(hand, folder, storm, machine, fifo, seconds, scale):
         if share > promise.get("skipped", 1.0):
             broken.append(f"{100 * share:.2f} % skipped")
         if fifo and machine == "quiet" and max(offs) > LONGEST_TORQUE_OFF_MS:
-            broken.append(f"torque off took {max(offs):.0f} ms")
+            broken.append(f"torque off took {max(offs):.0f} ms {in_vain}")
         if costs_after[0] > costs_before[0] + SLACK_KIB:
             broken.append(f"memory grew by {costs_after[0] - costs_before[0]} KiB")
     daemon.log_path.unlink(missing_ok=True)
@@ -392,6 +413,7 @@ def main():
     parser.add_argument("--short", action="store_true", help="3 seconds, a tenth of the clients, quiet machine, no promises on time")
     parser.add_argument("--only", choices=STORMS, help="one storm alone")
     parser.add_argument("--machine", choices=("quiet", "busy"), help="one of both alone")
+    parser.add_argument("--readers-fifo", action="store_true", help="the readers have FIFO priority 1")
     options = parser.parse_args()
     must_be_built("taxeld", "taxel", "examples/servo_bus")
     most = resource.getrlimit(resource.RLIMIT_NOFILE)[1]
@@ -405,7 +427,7 @@ def main():
         for machine in machines:
             for fifo in (True, False):
                 for storm in storms:
-                    row, faults = run(hand, folder, storm, machine, fifo, seconds, scale)
+                    row, faults = run(hand, folder, storm, machine, fifo, seconds, scale, options.readers_fifo)
                     print("| " + " | ".join(map(str, row)) + " |", flush=True)
                     broken += [f"{storm}, {machine}, FIFO {'yes' if fifo else 'no'}: {fault}" for fault in faults]
     for fault in broken:
