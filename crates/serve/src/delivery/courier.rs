@@ -47,9 +47,7 @@ impl Readers {
     /// Hands a message on; says whether there is anybody to hand the next one to.
     pub(crate) fn hand_on(&self, message: &Arc<Message>, hands: &Hands) -> bool {
         let (offered, woken) = (self.offered.borrow(), self.woken.borrow());
-        let lanes = offered.iter().map(|lane| &**lane);
-        let waiting: Vec<_> = lanes.filter(|lane| lane.waits_for(message)).collect();
-        hands.send(message, &waiting);
+        hands.send(message, &offered);
         woken.iter().for_each(|lane| lane.call(message));
         let are_there = !offered.is_empty() || !woken.is_empty();
         self.is_delivered.set(are_there);

@@ -9,7 +9,8 @@ use super::pace::Pace;
 use super::packet::Packet;
 use super::sent::Sent;
 use super::socket::Socket;
-use std::cell::Cell;
+use std::cell::{Cell, RefCell};
+use std::os::fd::OwnedFd;
 use std::rc::Rc;
 use std::sync::Arc;
 use std::time::Instant;
@@ -20,6 +21,9 @@ use tokio::sync::Notify;
 #[derive(Debug)]
 pub(crate) struct Lane {
     pub(crate) socket: Rc<Socket>,
+    /// The socket for whoever sends to it; not here while a packet has it. To take it and put it back costs less than one
+    /// more that has it: that writes to memory that nothing else here touches, for each reader of each image.
+    descriptor: RefCell<Option<Arc<OwnedFd>>>,
     /// Counts of the subscriber, and of all together.
     counts: [Arc<Sent>; 2],
     /// Tick of the last message sent, for the count of those skipped in the header of the next; 0 before the first.
@@ -38,6 +42,7 @@ impl Lane {
     pub(crate) fn new(socket: &Rc<Socket>, counts: [Arc<Sent>; 2]) -> Rc<Self> {
         Rc::new(Self {
             socket: socket.clone(),
+            descriptor: RefCell::new(socket.descriptor()),
             counts,
             last: Cell::new(0),
             before: Cell::new(0),
@@ -125,17 +130,22 @@ impl Lane {
         self.is_free.get() && message.tick > self.after()
     }
 
-    /// A message for this subscriber; `None` where there is none, or the socket is closed.
+    /// A message for this subscriber, to be [concluded](Self::conclude); `None` where there is none.
     pub(crate) fn packet(&self, message: &Message) -> Option<Packet> {
+        let header = self.header(message)?;
         Some(Packet {
-            socket: self.socket.descriptor()?,
-            header: self.header(message)?,
+            socket: self.descriptor.take()?,
+            header,
             sent: None,
         })
     }
 
-    /// The courier has sent a message, at this time; or has not, and the task is to.
-    pub(crate) fn conclude(&self, message: &Message, sent: Option<Instant>) {
+    /// The courier has sent a message, as its packet says; or has not, and the task is to.
+    pub(crate) fn conclude(&self, message: &Message, packet: Option<Packet>) {
+        let sent = packet.and_then(|packet| {
+            self.descriptor.replace(Some(packet.socket));
+            packet.sent
+        });
         match sent {
             Some(at) => self.note_sent(message, at),
             None => {

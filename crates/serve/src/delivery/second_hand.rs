@@ -51,41 +51,58 @@ impl Hands {
         Rc::new(Self { parts, wake })
     }
 
-    /// Sends a message to those lanes whose sockets take it at once. The tasks of the others are to.
-    pub(crate) fn send(&self, message: &Arc<Message>, lanes: &[&Lane]) {
+    /// Sends a message to those lanes that wait for it, whose sockets take it at once. The tasks of the others are to.
+    pub(crate) fn send(&self, message: &Arc<Message>, lanes: &[Rc<Lane>]) {
         self.lay_out(message, lanes);
-        if let Some(wake) = &self.wake
-            && lanes.len() > ALONE
-        {
-            // Full where it was woken already.
-            let _ = wake.try_send(());
-        }
         self.finish(message, lanes);
     }
 
-    /// The parts of a message, and the lanes of each.
+    /// The parts of a message, each locked when it comes to it, and the lanes of each.
     fn parts<'a>(
         &self,
-        lanes: &'a [&'a Lane],
-    ) -> impl Iterator<Item = (MutexGuard<'_, Part>, &'a [&'a Lane])> {
+        lanes: &'a [Rc<Lane>],
+    ) -> impl DoubleEndedIterator<Item = (MutexGuard<'_, Part>, &'a [Rc<Lane>])> {
         let each = lanes.len().div_ceil(PARTS).max(LEAST_PACKETS);
-        self.parts.iter().map(lock).zip(lanes.chunks(each))
+        let parts = self.parts.iter().zip(lanes.chunks(each));
+        parts.map(|(part, lanes)| (lock(part), lanes))
     }
 
-    /// Makes the packets.
-    fn lay_out(&self, message: &Arc<Message>, lanes: &[&Lane]) {
-        for (mut part, lanes) in self.parts(lanes) {
-            part.packets.extend(lanes.iter().map(|lane| lane.packet(message)));
-            part.message = Some(message.clone());
+    /// Makes the packets, from the end: the second hand sends the last while the first are made.
+    fn lay_out(&self, message: &Arc<Message>, lanes: &[Rc<Lane>]) {
+        let (mut packets, mut woken_at) = (0, ALONE);
+        for (mut part, lanes) in self.parts(lanes).rev() {
+            let waiting = lanes.iter().filter(|lane| lane.waits_for(message));
+            part.packets.extend(waiting.map(|lane| lane.packet(message)));
+            packets += part.packets.len();
+            part.message = (!part.packets.is_empty()).then(|| message.clone());
+            drop(part);
+            if packets > woken_at {
+                woken_at = usize::MAX;
+                self.wake_second();
+            }
+        }
+        // Once more, where it has come to one before that was made.
+        if woken_at == usize::MAX {
+            self.wake_second();
         }
     }
 
-    /// Sends what the second hand has not, and tells the lanes.
-    fn finish(&self, message: &Arc<Message>, lanes: &[&Lane]) {
-        for (mut part, lanes) in self.parts(lanes) {
+    fn wake_second(&self) {
+        if let Some(wake) = &self.wake {
+            // Full where it was woken already.
+            let _ = wake.try_send(());
+        }
+    }
+
+    /// Sends what the second hand has not, and then tells the lanes, which no reader waits for.
+    fn finish(&self, message: &Arc<Message>, lanes: &[Rc<Lane>]) {
+        for (mut part, _) in self.parts(lanes) {
             part.send();
-            for (lane, packet) in lanes.iter().zip(part.packets.drain(..)) {
-                lane.conclude(message, packet.and_then(|packet| packet.sent));
+        }
+        for (mut part, lanes) in self.parts(lanes) {
+            let waiting = lanes.iter().filter(|lane| lane.waits_for(message));
+            for (lane, packet) in waiting.zip(part.packets.drain(..)) {
+                lane.conclude(message, packet);
             }
         }
     }
@@ -188,7 +205,6 @@ mod tests {
     async fn the_second_hand_sends_whatever_the_first_has_not() {
         let hands = Hands::new(Some(Box::new(|| ())));
         let (lanes, theirs) = readers();
-        let lanes: Vec<_> = lanes.iter().map(|lane| &**lane).collect();
         let (first, second) = (message(1), message(2));
         hands.send(&first, &lanes);
         hands.lay_out(&second, &lanes);
@@ -233,15 +249,9 @@ mod tests {
                 let socket = lane.socket.descriptor().unwrap();
                 while send(socket.as_raw_fd(), &[7; 1000], MsgFlags::MSG_DONTWAIT).is_ok() {}
             }
-            let lanes: Vec<_> = lanes.iter().map(|lane| &**lane).collect();
             for tick in 1..=20 {
                 let message = message(tick);
-                let waiting: Vec<_> = lanes
-                    .iter()
-                    .copied()
-                    .filter(|lane| lane.waits_for(&message))
-                    .collect();
-                hands.send(&message, &waiting);
+                hands.send(&message, &lanes);
                 for (at, (lane, theirs)) in lanes.iter().zip(&theirs).enumerate() {
                     let what = format!("{kind}, tick {tick}, reader {at}");
                     assert_eq!(lane.after(), if is_full(at) { 0 } else { tick }, "{what}");
