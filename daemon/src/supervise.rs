@@ -233,6 +233,9 @@ fn calibrated_event(now: &Snapshot) -> Event {
     text += &match now.moved {
         Movement::None => String::new(),
         Movement::Taxels(count) => format!("; {} moved meanwhile", plural(count as usize, "taxel")),
+        Movement::Noise => {
+            "; most taxels were out of use as noisy, and their noise is what the threshold is of".into()
+        }
         Movement::InOneHalf => "; the hand moved meanwhile, and rests as in the quieter half".into(),
         Movement::InBothHalves => {
             "; the hand moved all the time, and that is what the threshold is of".into()

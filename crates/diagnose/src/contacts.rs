@@ -1,4 +1,4 @@
-//! Contacts that may be none: of a hand that moved while its baseline was measured, or that go on without a change.
+//! Contacts that may be none: of a hand that moved, or was loud, while its baseline was measured, or that go on without a change.
 
 use crate::kind::Kind;
 use crate::names::some_of;
@@ -17,6 +17,9 @@ fn moved(movement: Movement) -> Option<String> {
             "{count} taxels moved, or were touched, while their baseline was measured: they may show contacts that are none, or \
              miss some"
         ),
+        Movement::Noise => "most taxels were out of use as noisy when the time in which the baseline was measured ended: the \
+                            contact threshold is of that noise, and lighter touches are missed"
+            .into(),
         Movement::InOneHalf => "the hand moved, or was touched, while its baseline was measured: it rests as in the quieter half of \
                                 that time, and may show contacts that are none, or miss some"
             .into(),

@@ -163,6 +163,7 @@ fn what_moved_while_the_baseline_was_measured_is_told_by_what_follows_from_it() 
     for (moved, told) in [
         (Movement::Taxels(1), "a taxel moved, or was touched, "),
         (Movement::Taxels(7), "7 taxels moved, or were touched, "),
+        (Movement::Noise, "the contact threshold is of that noise"),
         (Movement::InOneHalf, "it rests as in the quieter half"),
         (
             Movement::InBothHalves,

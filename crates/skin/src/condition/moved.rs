@@ -15,6 +15,8 @@ pub enum Movement {
     None,
     /// So many taxels, no more than half of those that can be used. One that was still in half of the window rests as there.
     Taxels(u32),
+    /// Nothing, but most taxels were so noisy that they were out of use: the contact threshold is of that noise.
+    Noise,
     /// Most of the hand in one half of the window: all of it rests as in the other.
     InOneHalf,
     /// Most of the hand in both: the contact threshold is of the movement.

@@ -3,6 +3,8 @@
 use super::Conditioner;
 use super::baseline::robust_spread;
 use super::config::ThresholdSource;
+use super::moved::Movement;
+use taxel_hand::Fault;
 
 /// As much more than on one axis is a step on all three.
 const AXES: f64 = 1.75;
@@ -28,15 +30,23 @@ impl Conditioner {
     }
 
     /// `theta` of eq. (2): the largest idle magnitude among taxels that are neither faulty nor
-    /// touched, nor far beyond the rest, times the margin.
+    /// touched, nor far beyond the rest, times the margin. Where most are noisy when the window ends, these count, too: by the
+    /// noise limit that the window has set they may be back in use soon, and would be in contact.
     pub(super) fn hand_threshold(&mut self) -> f64 {
         let window = self.config.threshold == ThresholdSource::Window;
         let mut peaks = std::mem::take(&mut self.calibration.scratch);
         peaks.clear();
         let idle = &self.calibration.idle;
-        let healthy = |n: &usize| {
-            self.taxels[*n].has_baseline && !idle[*n].constant && self.settled_faults(*n).is_empty()
+        let rests = |n: &usize, or_noisy: bool| {
+            let mut faults = self.settled_faults(*n);
+            if or_noisy {
+                faults.remove(Fault::Noisy);
+            }
+            self.taxels[*n].has_baseline && !idle[*n].constant && faults.is_empty()
         };
+        let count = |or_noisy| (0..self.baseline.len()).filter(|n| rests(n, or_noisy)).count();
+        let are_noisy = 2 * count(false) < count(true);
+        let healthy = |n: &usize| rests(n, are_noisy);
         let peak = |n: usize| idle[n].rest.peak;
         let all = (0..self.baseline.len()).filter(healthy);
         let rests_in_half = self.calibration.rests_in_half;
@@ -59,6 +69,10 @@ impl Conditioner {
             largest
         };
         self.calibration.scratch = peaks;
+        if window && are_noisy {
+            let moved = &mut self.calibration.report.moved;
+            *moved = Movement::Noise.max(*moved);
+        }
         self.own_threshold(theta)
     }
 

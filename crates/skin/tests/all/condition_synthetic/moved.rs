@@ -1,6 +1,7 @@
 //! Hands that move in a part of the window that they are calibrated in.
 
 use super::skin::Skin;
+use taxel_hand::Fault;
 use taxel_skin::{ConditionConfig, Movement};
 
 const RATE_HZ: u64 = 60;
@@ -347,7 +348,7 @@ fn noise_of_any_strength_in_a_part_of_the_time_a_hand_is_calibrated_in_is_no_mov
                 let sigma = |_: usize, t: f64| if t >= begin_s && t < end_s { loud } else { 2.0 };
                 let told: Vec<_> = (0..8)
                     .map(|seed| moved(&NoisyHand::calibrated_of(seed, rate_hz, 0.0, sigma).hand))
-                    .filter(|moved| *moved != Movement::None)
+                    .filter(|moved| !matches!(moved, Movement::None | Movement::Noise))
                     .collect();
                 let case = format!("noise of {loud} from {begin_s} to {end_s} s at {rate_hz} Hz");
                 assert!(told.is_empty(), "{case}: {told:?}");
@@ -368,6 +369,30 @@ fn contact_is_above_loud_noise_that_begins_while_a_hand_is_calibrated() {
             let share = shares.sum::<f64>() / 8.0;
             let case = format!("noise of {loud} from {at_s} s on at {rate_hz} Hz");
             assert!(share < most, "{case}: {share} of the frames with contacts");
+        }
+    }
+}
+
+#[test]
+fn contact_is_above_noise_that_has_all_taxels_out_of_use_when_the_calibration_ends() {
+    // It is over before that, or goes on.
+    for (begin_s, end_s) in [(0.3, 1.1), (0.0, f64::INFINITY)] {
+        for (rate_hz, loud) in [
+            (30, 1000.0),
+            (100, 300.0),
+            (100, 400.0),
+            (100, 1500.0),
+            (200, 600.0),
+        ] {
+            let sigma = |_: usize, t: f64| if (begin_s..end_s).contains(&t) { loud } else { 2.0 };
+            let mut noisy = NoisyHand::calibrated(rate_hz, 0.0, sigma);
+            let report = noisy.hand.conditioner.report().unwrap().clone();
+            let case = format!("noise of {loud} from {begin_s} to {end_s} s at {rate_hz} Hz: {report:?}");
+            let noisy_taxels = report.faulty_for(Fault::Noisy);
+            let is_told = report.moved == Movement::Noise;
+            assert_eq!(is_told, 2 * noisy_taxels > TAXELS as u32, "{case}");
+            let share = noisy.share_in_contact(1_000);
+            assert!(share < 0.02, "{case}: {share} of the frames with contacts");
         }
     }
 }
