@@ -23,7 +23,8 @@ const MAX_COLUMNS: usize = 200_000;
 /// Reads a csv file: one frame a line, the numbers separated by commas, semicolons, tabs, bars or blanks, quoted or not.
 ///
 /// The first line that is neither empty nor begins with `#` shows what separates: a semicolon if it has one, else a comma,
-/// a tab, a bar, or one or more blanks. If its first cell that is not empty is no number, it is a header. An empty cell is a
+/// a tab, a bar, or one or more blanks. If its first cell that is not empty is no number, it is a header; if it is one, the
+/// comment right before it is, where it has as many cells, as `numpy.savetxt` writes names. An empty cell is a
 /// value that is not there, but for one that a separator at the end of a line leaves behind the last column: where names or
 /// lines before do not say which that is, it is one of them that [`ReadOptions::columns`] needs for threes. Columns called
 /// `{board}B{taxel}X`, `..Y`, `..Z`, with or without a leading `{finger}F` (docs/protocols.md, "uSkin on a hand"), are raw
@@ -43,7 +44,8 @@ pub(crate) fn read(path: &Path, options: &ReadOptions) -> Result<Table, RecordEr
     // A last line without its end gets one, so that the line of a record is always the one before
     // the reader's.
     let whole = head.as_slice().chain(file).chain(&b"\n"[..]);
-    let mut lines = Lines::new(path, whole, delimiter(&head));
+    let delimiter = delimiter(&head);
+    let mut lines = Lines::new(path, whole, delimiter);
     let mut frames = Frames::new(LineColumns::of_plain(options));
     let mut is_first = true;
     while lines.read()? {
@@ -52,6 +54,13 @@ pub(crate) fn read(path: &Path, options: &ReadOptions) -> Result<Table, RecordEr
         // What tells spreadsheets how columns are separated.
         if is_first && record[0].starts_with(b"sep=") {
             continue;
+        }
+        if is_first && !is_header(record) {
+            let columns = record.len() - usize::from(ends_with_separator(record));
+            if let Some((comment, names)) = names_in_comment(&head, delimiter, columns) {
+                frames.meaning = LineColumns::of_header(&names, options).map_err(refuse)?;
+                frames.meaning.names.comment = Some(comment);
+            }
         }
         let ends_behind_columns = match frames.meaning.columns {
             Some(columns) => record.len() == columns + 1,
@@ -274,6 +283,28 @@ fn head(file: &mut impl BufRead) -> io::Result<Vec<u8>> {
             return Ok(head);
         }
     }
+}
+
+/// The last comment before the last of these lines, and its cells, where these are names of so many columns.
+fn names_in_comment(head: &[u8], delimiter: u8, columns: usize) -> Option<(String, ByteRecord)> {
+    let head = head.strip_prefix(BYTE_ORDER_MARK).unwrap_or(head);
+    let lines = head.split(|b| *b == b'\n').map(<[u8]>::trim_ascii);
+    let mut before = lines.filter(|line| !line.is_empty()).rev().skip(1);
+    let comment = before.next()?.strip_prefix(b"#")?.trim_ascii();
+    let mut reader = ReaderBuilder::new()
+        .has_headers(false)
+        .delimiter(delimiter)
+        .from_reader(comment);
+    let names = reader.byte_records().next()?.ok()?;
+    // Between blanks are words of a sentence, too, but none of them is a number where they are names.
+    let names: ByteRecord = match delimiter {
+        b' ' => names.iter().filter(|cell| !cell.is_empty()).collect(),
+        _ => names,
+    };
+    let is_number = |name: &[u8]| cell(name).is_ok_and(|name| name.parse::<f64>().is_ok());
+    let are_words = delimiter == b' ' && names.iter().any(is_number);
+    let are_names = names.len() == columns && columns > 1 && is_header(&names) && !are_words;
+    are_names.then(|| (String::from_utf8_lossy(comment).into_owned(), names))
 }
 
 /// What separates the columns of the last of these lines.

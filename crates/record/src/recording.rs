@@ -219,6 +219,11 @@ impl Recording {
         &self.names.values
     }
 
+    /// The comment before the first frame that the names of the columns were taken from, without its `#`.
+    pub fn names_comment(&self) -> Option<&str> {
+        self.names.comment.as_deref()
+    }
+
     /// Whether columns are named as XELA's server names them, which numbers the taxels of a module row by row.
     pub fn is_of_xela(&self) -> bool {
         self.column_names()

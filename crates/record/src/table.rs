@@ -68,6 +68,8 @@ pub(crate) struct ColumnNames {
     pub(crate) values: Vec<String>,
     /// Those that are neither values, joint angles nor the time of a frame.
     pub(crate) left_out: Vec<String>,
+    /// The comment that they stand in, where no line of their own has them.
+    pub(crate) comment: Option<String>,
     /// The line of the first frame, where that is 0, 1, 2, ..., as pandas names columns.
     pub(crate) may_be_line: Option<u64>,
     /// Empty cells at the end of the first line, where there may be one more of them, and one more column; else 0.

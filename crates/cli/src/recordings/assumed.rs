@@ -3,7 +3,10 @@
 use taxel_record::{DEFAULT_RATE_HZ, ReadOptions, Recording};
 use taxel_skin::ConditionConfig;
 
-/// Which of its columns are no taxels, and whether its first frame may be their names.
+/// Characters of a comment that are quoted.
+const COMMENT_CHARS: usize = 40;
+
+/// Where the names of its columns were found, which of these are no taxels, and whether its first frame may be their names.
 pub(crate) fn of_columns(recording: &Recording) -> impl Iterator<Item = String> + use<> {
     let left_out = recording.left_out_columns().iter();
     let left_out: Vec<String> = left_out.map(|column| format!("{column:?}")).collect();
@@ -16,7 +19,14 @@ pub(crate) fn of_columns(recording: &Recording) -> impl Iterator<Item = String> 
             line + 1
         )
     });
-    left_out.into_iter().chain(names)
+    let comment = recording.names_comment().map(|comment| {
+        let names: String = match comment.char_indices().nth(COMMENT_CHARS) {
+            Some((end, _)) => format!("{}..", &comment[..end]),
+            None => comment.into(),
+        };
+        format!("the comment {names:?} is taken for the names of its columns")
+    });
+    comment.into_iter().chain(left_out).chain(names)
 }
 
 /// That a column is taken for seconds, or that a recording without times is taken to have come at a rate that nobody gave.

@@ -320,6 +320,40 @@ fn errors_name_the_line() {
 }
 
 #[test]
+fn names_in_the_comment_right_before_the_first_frame_are_those_of_its_columns() {
+    let none = ReadOptions::default();
+    for text in [
+        "# time,a,b\n0.5,1,2\n1.5,3,4\n",
+        "\u{feff}# recorded by me\r\n# rate: 100 Hz\r\n#time,a,b\r\n0.5,1,2\r\n1.5,3,4\r\n",
+        "# t_s a b\n\n0.5 1 2\n1.5 3 4\n",
+        "# time\ta\tb\n0.5\t1\t2\t\n1.5\t3\t4\t\n",
+        "# a,b,time\n1,2,0.5\n3,4,1.5\n",
+    ] {
+        let recording = read_text(text, &none).unwrap();
+        assert_eq!(recording.magnitudes(1).unwrap(), [3.0, 4.0], "{text:?}");
+        assert!(
+            recording.has_times() && recording.t_ns(1) == 1_500_000_000,
+            "{text:?}"
+        );
+        assert!(recording.names_comment().is_some_and(|names| names.contains('b')));
+    }
+    let recording = read_text("# 0B0X,0B0Y,0B0Z\n1,2,3\n", &none).unwrap();
+    assert_eq!(recording.counts(0).unwrap(), [Some([1, 2, 3])]);
+    // A sentence, other numbers, another number of names, and one before the names.
+    for text in [
+        "# rate: 100 Hz\n0.5 1 2\n",
+        "# 7,8,9\n0.5,1,2\n",
+        "# time,a\n0.5,1,2\n",
+        "# time,a,b\np,q,r\n0.5,1,2\n",
+        "# time,a,b\n# by me\n0.5,1,2\n",
+    ] {
+        let recording = read_text(text, &none).unwrap();
+        assert_eq!(recording.magnitudes(0).unwrap(), [0.5, 1.0, 2.0], "{text:?}");
+        assert_eq!(recording.names_comment(), None, "{text:?}");
+    }
+}
+
+#[test]
 fn columns_that_are_no_taxels_are_left_out_and_told() {
     let none = ReadOptions::default();
     let seconds = ReadOptions {
