@@ -1,9 +1,10 @@
 //! Tables of numbers as `.csv`.
 
-use crate::csv_columns::{LineColumns, cell};
+use crate::csv_clock::{self, is_clock, time_ns, unit_beyond_seconds, unit_since_1970};
+use crate::csv_columns::{LineColumns, cell, is_unnamed};
 use crate::error::RecordError;
 use crate::numpy::npy::MAX_NUMBERS;
-use crate::table::{ColumnNames, Columns, ReadOptions, Table, TimeUnit};
+use crate::table::{ColumnNames, Columns, ReadOptions, Table};
 use csv::{ByteRecord, Reader, ReaderBuilder, Terminator};
 use std::fs::File;
 use std::io::{self, BufRead, BufReader, Read, Take};
@@ -58,7 +59,7 @@ pub(crate) fn read(path: &Path, options: &ReadOptions) -> Result<Table, RecordEr
         if is_first && !is_header(record) {
             let columns = record.len() - usize::from(ends_with_separator(record));
             if let Some((comment, names)) = names_in_comment(&head, delimiter, columns) {
-                frames.meaning = LineColumns::of_header(&names, options).map_err(refuse)?;
+                frames.meaning = LineColumns::of_header(&names, options, false).map_err(refuse)?;
                 frames.meaning.names.comment = Some(comment);
             }
         }
@@ -72,7 +73,15 @@ pub(crate) fn read(path: &Path, options: &ReadOptions) -> Result<Table, RecordEr
         }
         if std::mem::take(&mut is_first) && is_header(record) {
             refuse_log_of_python_can(record, path).map_err(refuse)?;
-            frames.meaning = LineColumns::of_header(record, options).map_err(refuse)?;
+            let is_index_time = has_index(record) && is_index_clock(path, delimiter)?;
+            frames.meaning = LineColumns::of_header(record, options, is_index_time).map_err(refuse)?;
+            if is_index_time && frames.meaning.time.is_none() && options.rate_hz.is_none() {
+                return Err(refuse(
+                    "column 1, which has no name, rises like a clock, and not as numbers of frames do: --time-column s, if it \
+                     is in seconds; --rate HZ leaves it out"
+                        .into(),
+                ));
+            }
         } else {
             if is_cut && frames.meaning.columns.is_none() {
                 frames.empty_at_end = empty_at_end(record);
@@ -98,7 +107,28 @@ pub(crate) fn read(path: &Path, options: &ReadOptions) -> Result<Table, RecordEr
             })?;
         }
     }
-    frames.table(path)
+    frames.table(path, options)
+}
+
+/// Whether the first column of a header has no name, as that of pandas' index.
+fn has_index(header: &ByteRecord) -> bool {
+    cell(&header[0]).is_ok_and(|name| is_unnamed(0, name))
+}
+
+/// Whether the first column of a file with a header is a clock by its first lines.
+fn is_index_clock(path: &Path, delimiter: u8) -> Result<bool, RecordError> {
+    if !path.is_file() {
+        return Ok(false);
+    }
+    let file = File::open(path).map_err(RecordError::io(path))?;
+    let mut lines = Lines::new(path, BufReader::new(file).chain(&b"\n"[..]), delimiter);
+    let mut records = Vec::new();
+    while records.len() <= csv_clock::LINES && lines.read()? {
+        if !lines.record[0].starts_with(b"sep=") {
+            records.push(ByteRecord::from(vec![&lines.record[0]]));
+        }
+    }
+    Ok(is_clock(records.iter().skip(1)))
 }
 
 fn unreadable(path: &Path, line: u64, reason: String) -> RecordError {
@@ -219,7 +249,7 @@ impl Frames {
                 (late, true) if late > 1e10 => format!(
                     "{late} is no time in seconds, which a column {:?} is taken for; say its unit: --time-column {}",
                     self.meaning.unitless.as_deref().unwrap_or_default(),
-                    unit_since_1970(late)
+                    unit_beyond_seconds(late)
                 ),
                 (time, _) => format!("{time} is no time from 0 on"),
             };
@@ -239,7 +269,9 @@ impl Frames {
         Ok(())
     }
 
-    fn table(self, path: &Path) -> Result<Table, RecordError> {
+    fn table(mut self, path: &Path, options: &ReadOptions) -> Result<Table, RecordError> {
+        self.refuse_clocks(options)
+            .map_err(|reason| RecordError::unreadable(path.display(), reason))?;
         let Self {
             meaning,
             frames,
@@ -266,6 +298,53 @@ impl Frames {
                 ..meaning.names
             },
         })
+    }
+
+    /// Refuses a first or last column of values that is a clock, and times that run backwards in a column that has no name.
+    fn refuse_clocks(&mut self, options: &ReadOptions) -> Result<(), String> {
+        let falls = self.times_ns.windows(2).position(|pair| pair[1] < pair[0]);
+        if let (Some((time, _)), Some(before), None, true) = (
+            self.meaning.time,
+            falls,
+            options.rate_hz,
+            self.meaning.names.values.is_empty(),
+        ) {
+            return Err(format!(
+                "the time of frame {}, column {} of its line, is before that of the frame before it; of columns without names \
+                 --time-column takes the first",
+                before + 1,
+                time + 1
+            ));
+        }
+        if self.frames < 2 || self.meaning.are_counts() {
+            return Ok(());
+        }
+        let wide = self.values.len() / self.frames;
+        let columns = self
+            .meaning
+            .resolve(self.meaning.columns.unwrap_or(wide))?
+            .values
+            .clone();
+        for place in [0, wide - 1] {
+            let of_column = self.values.iter().skip(place).step_by(wide);
+            let Some(unit) = unit_since_1970(&of_column.copied().collect::<Vec<f64>>()) else {
+                continue;
+            };
+            let (column, unit) = (columns[place], unit.name());
+            let is_first = column == 0 && self.meaning.time.is_none();
+            let name = self.meaning.names.values.get(place);
+            return Err(format!(
+                "column {}{} rises like a clock since 1970, and is no taxel: {}",
+                column + 1,
+                name.map_or_else(String::new, |name| format!(", {name:?},")),
+                match (is_first, self.meaning.time.is_some()) {
+                    (true, _) => format!("--time-column {unit} takes it for time"),
+                    (_, true) => "cut it out".into(),
+                    (_, false) => format!("put it first, and --time-column {unit} takes it for time"),
+                }
+            ));
+        }
+        Ok(())
     }
 }
 
@@ -395,49 +474,15 @@ fn number(column: usize, bytes: &[u8]) -> Result<f64, String> {
             [a, b, c, d, b'-', ..] if [a, b, c, d].iter().all(|digit| digit.is_ascii_digit()) => {
                 ", but a date; times are numbers: in pandas t = pandas.to_datetime(df.NAME); df.NAME = (t - t[0]).dt.total_seconds()"
             }
+            [b'0'..=b'9', ..] if text.contains(':') => {
+                ", but a time of day; times are numbers: in pandas t = pandas.to_timedelta(df.NAME); df.NAME = (t - t[0]).dt.total_seconds()"
+            }
             [b'[', ..] => ", a list; write its values to columns of their own: in pandas pandas.DataFrame(df.NAME.tolist())",
             _ if text.contains(',') => "; decimals are written with a point",
             _ => "",
         };
         format!("column {} is {text:?}, {NO_NUMBER}{advice}", column + 1)
     })
-}
-
-/// The unit in which a clock of these years is at a number beyond its seconds.
-fn unit_since_1970(number: f64) -> &'static str {
-    match number {
-        ..1e14 => "ms",
-        ..1e17 => "us",
-        _ => "ns",
-    }
-}
-
-/// The time of a cell that holds this number. Nanoseconds since 1970 are more than a number of 53 bits can hold, in
-/// whatever unit they are written: its digits are taken as they stand there, and rounded below a nanosecond.
-fn time_ns(bytes: &[u8], number: f64, unit: TimeUnit) -> Option<u64> {
-    let exact = cell(bytes).ok().and_then(|text| exact_ns(text, unit));
-    exact.or_else(|| {
-        let time_ns = (number * 10f64.powi(unit.decimals())).round();
-        (0.0..1.8e19).contains(&time_ns).then_some(time_ns as u64)
-    })
-}
-
-/// The nanoseconds of a number as it is written; none where it has a sign, no digits, or more of them than fit.
-fn exact_ns(text: &str, unit: TimeUnit) -> Option<u64> {
-    let (number, exponent) = match text.split_once(['e', 'E']) {
-        Some((number, exponent)) => (number, exponent.parse::<i32>().ok()?),
-        None => (text, 0),
-    };
-    let (whole, fraction) = number.split_once('.').unwrap_or((number, ""));
-    let digits: u128 = format!("{whole}{fraction}").parse().ok()?;
-    let decimals = i32::try_from(fraction.len()).ok()?;
-    let scale = exponent.checked_add(unit.decimals())?.checked_sub(decimals)?;
-    let power = 10u128.checked_pow(scale.unsigned_abs())?;
-    let time_ns = match scale < 0 {
-        true => digits.checked_add(power / 2)? / power,
-        false => digits.checked_mul(power)?,
-    };
-    time_ns.try_into().ok()
 }
 
 #[cfg(test)]

@@ -54,8 +54,12 @@ impl LineColumns {
         }
     }
 
-    /// By the names of a header.
-    pub(crate) fn of_header(record: &ByteRecord, options: &ReadOptions) -> Result<Self, String> {
+    /// By the names of a header. `is_index_time`: a first column without a name is time, rather than numbers of frames.
+    pub(crate) fn of_header(
+        record: &ByteRecord,
+        options: &ReadOptions,
+        is_index_time: bool,
+    ) -> Result<Self, String> {
         let names = record.iter().map(cell).collect::<Result<Vec<&str>, String>>()?;
         if let Some([seconds, rest]) = in_two_columns(&names).filter(|_| options.time_column.is_none()) {
             return Err(format!(
@@ -67,7 +71,7 @@ impl LineColumns {
             counters,
             times,
             rest,
-        } = Split::of(&names, options);
+        } = Split::of(&names, options, is_index_time);
         let clock = |column: &usize| ClockName::of(names[*column]);
         let is_plain = |column: &&usize| clock(column).is_some_and(|clock| clock.is_plain);
         let column = times.iter().find(is_plain).or(times.first()).copied();
@@ -178,7 +182,7 @@ struct Split {
 }
 
 impl Split {
-    fn of(names: &[&str], options: &ReadOptions) -> Self {
+    fn of(names: &[&str], options: &ReadOptions, is_index_time: bool) -> Self {
         // Beside other parts of a hand, index is a finger.
         let parts = ["thumb", "middle", "ring", "little", "pinky", "palm", "wrist"];
         let is_part = |name: &&str| {
@@ -197,6 +201,7 @@ impl Split {
         };
         // Where no name is of time, one is, if that is said: the first; a number of the frame only where none is called t.
         let said = match options.time_column.is_some() && !all().any(|column| is_time(&column)) {
+            true if is_index_time => Some(0),
             true if first == Some(0) => first,
             true => all()
                 .find(|column| ["t", "ts"].contains(&names[*column].to_ascii_lowercase().as_str()))
@@ -252,7 +257,7 @@ fn is_counter(column: usize, name: &str) -> bool {
 }
 
 /// Whether it is the column that pandas writes first without a name, or what it calls that when it has read it.
-fn is_unnamed(column: usize, name: &str) -> bool {
+pub(crate) fn is_unnamed(column: usize, name: &str) -> bool {
     (column == 0 && name.is_empty()) || name.eq_ignore_ascii_case("unnamed: 0")
 }
 

@@ -15,6 +15,7 @@
 mod clock_name;
 mod csv;
 mod csv_axes;
+mod csv_clock;
 mod csv_columns;
 mod error;
 mod idle;

@@ -139,6 +139,16 @@ impl FromStr for TimeUnit {
 }
 
 impl TimeUnit {
+    /// As an option names it.
+    pub(crate) const fn name(self) -> &'static str {
+        match self {
+            TimeUnit::S => "s",
+            TimeUnit::Ms => "ms",
+            TimeUnit::Us => "us",
+            TimeUnit::Ns => "ns",
+        }
+    }
+
     /// Decimals of one unit down to a nanosecond.
     pub(crate) fn decimals(self) -> i32 {
         match self {
