@@ -14,6 +14,10 @@ use std::path::Path;
 const BYTE_ORDER_MARK: &[u8] = "\u{feff}".as_bytes();
 /// Bytes that one line may have: 20 for each of 200,000 numbers.
 const LINE_BYTES: u64 = 4 << 20;
+/// How it is said that a cell has several numbers: what separates is taken from the first line.
+const NO_SEPARATOR: &str = ", but several, which the first line does not separate so";
+/// Characters of a cell that are quoted.
+const QUOTED: usize = 40;
 /// How it is said that a cell is text.
 const NO_NUMBER: &str = "which is not a number";
 /// Numbers 0, 1, 2, ... from which on a first line of them may be pandas' names of columns.
@@ -97,7 +101,18 @@ pub(crate) fn read(path: &Path, options: &ReadOptions) -> Result<Table, RecordEr
                 // As in a preamble, which is taken for the header.
                 let has_number = record.iter().any(|bytes| cell(bytes).is_ok_and(|cell| cell.parse::<f64>().is_ok()));
                 let is_other = frames.meaning.columns != Some(record.len()) || !has_number;
+                let width = frames.meaning.columns.filter(|width| frames.is_behind_header() && *width > record.len());
+                let begins_here = record.len() == 1 && reason.contains(NO_SEPARATOR);
                 refuse(match (is_text, is_other) {
+                    _ if begins_here => format!(
+                        "{reason}; where the table begins here, cut off what is before it (`tail -n +{}`)",
+                        lines.number
+                    ),
+                    (true, _) if has_number && width.is_some() => format!(
+                        "{reason}; the header has {} names, and this line {} cells",
+                        width.unwrap_or_default(),
+                        record.len()
+                    ),
                     (true, true) => format!(
                         "{reason}; where the table begins further down, cut off what is before it (`tail -n +N`)"
                     ),
@@ -470,6 +485,10 @@ fn number(column: usize, bytes: &[u8]) -> Result<f64, String> {
         return Ok(f64::NAN);
     }
     text.parse().map_err(|_| {
+        let quoted = match text.char_indices().nth(QUOTED) {
+            Some((end, _)) => format!("{}..", &text[..end]),
+            None => text.into(),
+        };
         let advice = match text.as_bytes() {
             [a, b, c, d, b'-', ..] if [a, b, c, d].iter().all(|digit| digit.is_ascii_digit()) => {
                 ", but a date; times are numbers: in pandas t = pandas.to_datetime(df.NAME); df.NAME = (t - t[0]).dt.total_seconds()"
@@ -478,10 +497,11 @@ fn number(column: usize, bytes: &[u8]) -> Result<f64, String> {
                 ", but a time of day; times are numbers: in pandas t = pandas.to_timedelta(df.NAME); df.NAME = (t - t[0]).dt.total_seconds()"
             }
             [b'[', ..] => ", a list; write its values to columns of their own: in pandas pandas.DataFrame(df.NAME.tolist())",
+            _ if text.split([' ', '\t', ';', '|']).all(|cell| cell.parse::<f64>().is_ok()) => NO_SEPARATOR,
             _ if text.contains(',') => "; decimals are written with a point",
             _ => "",
         };
-        format!("column {} is {text:?}, {NO_NUMBER}{advice}", column + 1)
+        format!("column {} is {quoted:?}, {NO_NUMBER}{advice}", column + 1)
     })
 }
 

@@ -91,6 +91,9 @@ fn made_of(extension: &str, path: &Path) -> Option<String> {
              numpy.moveaxis(.., -1, 0) where time is its last axis"
                 .into(),
         ),
+        "pkl" | "pickle" => Some(
+            "save its array in Python: numpy.save(\"frames.npy\", numpy.asarray(pandas.read_pickle(..), float))".into(),
+        ),
         "parquet" => {
             Some("pandas.read_parquet(..).to_csv(\"grasp.csv\", index=False) makes a .csv of it".into())
         }
@@ -116,6 +119,7 @@ mod tests {
             ("grasp.mat", "numpy.save("),
             ("grasp.log.1", "`taxel COMMAND - < grasp.log.1`"),
             ("grasp.txt", "`taxel COMMAND - < grasp.txt`"),
+            ("grasp.pkl", "pandas.read_pickle("),
             ("grasp.parquet", "pandas.read_parquet("),
         ] {
             let error = Recording::open(Path::new(name), &ReadOptions::default()).unwrap_err();

@@ -273,6 +273,17 @@ fn errors_name_the_line() {
             &none,
             ":2: column 1 is \"1,5\", which is not a number; decimals",
         ),
+        (
+            "1\n640\n0 472.75 640 38135 851 852 853 854 855 856\n",
+            &none,
+            ":3: column 1 is \"0 472.75 640 38135 851 852 853 854 855 8..\", which is not a number, but several, which the first \
+             line does not separate so; where the table begins here, cut off what is before it (`tail -n +3`)",
+        ),
+        (
+            "a,b,c,label\n1,2,hand\n",
+            &none,
+            ":2: column 3 is \"hand\", which is not a number; the header has 4 names, and this line 3 cells",
+        ),
         ("", &none, ":1: no line"),
         ("a,b\n", &none, ":1: no line"),
         ("0B0X,0B0Y,0B0Z,a\n1,2,3,4\n", &none, ":1: column \"a\""),

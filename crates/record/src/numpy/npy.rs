@@ -19,6 +19,7 @@ const CHUNK_BYTES: usize = 64 * 1024;
 pub(crate) fn read(path: &Path, options: &ReadOptions) -> Result<Table, RecordError> {
     let file = File::open(path).map_err(RecordError::io(path))?;
     let array = Array::open(path.display().to_string(), BufReader::new(file))?;
+    array.check_numbers()?;
     Meaning::of(&array.at, array.shape(), None, options)?;
     let (at, shape) = (array.at.clone(), array.shape().to_vec());
     Ok(Table {
@@ -223,17 +224,23 @@ impl<R: Read> Array<R> {
         self.element.is_some()
     }
 
+    /// Refuses elements that are no numbers, whatever their shape.
+    fn check_numbers(&self) -> Result<Element, RecordError> {
+        self.element.ok_or_else(|| {
+            let names: Vec<&str> = ELEMENTS.iter().map(|(_, name, _)| *name).collect();
+            let made = match self.dtype().as_str() {
+                "O" => "; where they are frames of one shape, numpy.stack([numpy.asarray(v, float) for v in a]) makes such of them",
+                "structured" => "; name a field of them, a[\"NAME\"]",
+                _ => "",
+            };
+            let reason = format!("elements are {}; a recording has {}{made}", self.dtype(), names.join(", "));
+            RecordError::unreadable(&self.at, reason)
+        })
+    }
+
     /// All numbers, row by row whatever their order in the file.
     pub(crate) fn numbers(mut self) -> Result<Vec<f64>, RecordError> {
-        let Some(element) = self.element else {
-            let names: Vec<&str> = ELEMENTS.iter().map(|(_, name, _)| *name).collect();
-            let reason = format!(
-                "elements are {}; a recording has {}",
-                self.dtype(),
-                names.join(", ")
-            );
-            return Err(RecordError::unreadable(&self.at, reason));
-        };
+        let element = self.check_numbers()?;
         let mut values = Vec::new();
         self.read(element, &mut values, |bytes| element.number(bytes))?;
         Ok(match self.header.fortran_order {

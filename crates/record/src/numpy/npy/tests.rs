@@ -98,6 +98,27 @@ fn numbers_of_every_width_sign_and_byte_order_are_their_values() {
             "{descriptor}: {message}"
         );
     }
+    // Also where the shape is none of a recording.
+    let dir = TempDir::new().unwrap();
+    let path = dir.path().join("a.npy");
+    let text = "{'descr': [('a', '<f4')], 'fortran_order': False, 'shape': (10,)}";
+    let records = [
+        &file("|O", "(10,)", &[])[..10],
+        format!("{text:117}\n").as_bytes(),
+    ]
+    .concat();
+    for (bytes, wanted) in [
+        (
+            file("|O", "(10,)", &[0; 16]),
+            "elements are O; a recording has bool",
+        ),
+        (file("|O", "(10,)", &[0; 16]), "numpy.stack("),
+        (records, "name a field of them"),
+    ] {
+        std::fs::write(&path, bytes).unwrap();
+        let error = open(&path).unwrap_err().to_string();
+        assert!(error.contains(wanted), "{error}");
+    }
     let long = numbers(&file("<f16", "(1, 1)", &[0; 16])).unwrap_err();
     assert!(long.to_string().contains("elements are 128-bit floats"), "{long}");
 }
