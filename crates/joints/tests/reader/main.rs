@@ -372,9 +372,9 @@ fn a_survey_reads_a_servo_that_answers_late_and_knows_one_that_answers_pings_alo
             (3, true, Some(2), true)
         ]
     );
-    let took = |servo: usize| found.servos[servo].answer_ns.clone();
-    assert!(took(0).is_some() && took(1).is_none());
-    assert!(*took(2).unwrap().end() > 280_000_000, "{:?}", took(2));
+    let took = |servo: usize| &found.servos[servo].answers_ns;
+    assert!(!took(0).is_empty() && took(1).is_empty());
+    assert!(took(2).iter().any(|ns| *ns > 280_000_000), "{:?}", took(2));
 }
 
 #[test]

@@ -334,7 +334,7 @@ report! {
         duplicate: u64,
         /// Readings that came after the image that should have had them.
         late: u64,
-        /// Readings that never came.
+        /// Readings that were not in their sweep; those that came in the one behind are also in `duplicate`.
         missed: u64,
         /// Readings that came while the board was starting.
         settling: u64,

@@ -142,7 +142,7 @@ fn each_thing_that_is_wrong_is_found_where_it_is() {
     let fault = |fault: Fault, taxels: usize| {
         move |f: &mut HandFacts| f.faults[..taxels].iter_mut().for_each(|set| set.insert(fault))
     };
-    let cases: [(Vec<Check>, State, &str, &str, &str); 18] = [
+    let cases: [(Vec<Check>, State, &str, &str, &str); 19] = [
         (
             found(|f| f.boards[3].state = BoardState::NeverSeen),
             State::Error,
@@ -163,6 +163,13 @@ fn each_thing_that_is_wrong_is_found_where_it_is() {
             "board",
             "index tip (can0 board 0)",
             "9.1 % of its readings missing",
+        ),
+        (
+            found(|f| (f.boards[0].missed, f.boards[0].duplicate) = (100, 95)),
+            State::Warning,
+            "board",
+            "index tip (can0 board 0)",
+            "8.6 % of its readings a sweep late; none is missing",
         ),
         (
             found(|f| f.boards[0].queue_overflows = 2),

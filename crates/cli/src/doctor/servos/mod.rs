@@ -254,7 +254,7 @@ mod tests {
             hardware_error: Some(HardwareError(0)),
             voltage_v: Some(12.0),
             temperature_c: Some(31),
-            answer_ns: Some(100_000..=900_000),
+            answers_ns: vec![100_000, 900_000],
         }
     }
 

@@ -5,7 +5,6 @@ use crate::dynamixel::bus::{ServoIdentity, wire_ns};
 use crate::dynamixel::protocol2::{BROADCAST_ID, Encoder, Instruction, MAX_ID, Parser, StatusByte};
 use crate::dynamixel::registers::{HardwareError, address, volts};
 use crate::serial::{Port, PortError, PortLatency};
-use std::ops::RangeInclusive;
 use std::path::Path;
 use std::time::Duration;
 use taxel_can::monotonic_ns;
@@ -49,9 +48,8 @@ pub struct SurveyedServo {
     pub voltage_v: Option<f64>,
     /// Its temperature, degrees Celsius.
     pub temperature_c: Option<u8>,
-    /// How long its answers took beyond their time on the wire, nanoseconds: the fastest and the slowest; `None` where it
-    /// answered no read.
-    pub answer_ns: Option<RangeInclusive<u64>>,
+    /// How long each of its answers to a read took beyond its time on the wire, nanoseconds.
+    pub answers_ns: Vec<u64>,
 }
 
 /// What was found on a servo bus.
@@ -118,7 +116,11 @@ pub fn survey(path: &Path, baud: u32, expected: &[u8]) -> Result<BusSurvey, Port
     for servo in &mut servos {
         surveyor.ask(servo)?;
         for _ in 0..MORE_READS {
-            if (servo.answer_ns.as_ref()).is_some_and(|took| *took.start() > usual_margin_ns(latency)) {
+            if servo
+                .answers_ns
+                .iter()
+                .any(|took| *took > usual_margin_ns(latency))
+            {
                 surveyor.read(servo, address::TORQUE_ENABLE, 7)?;
             }
         }
@@ -175,7 +177,7 @@ impl Surveyor {
                         hardware_error: None,
                         voltage_v: None,
                         temperature_c: None,
-                        answer_ns: None,
+                        answers_ns: Vec::new(),
                     }),
                 }
             }
@@ -291,11 +293,7 @@ impl Surveyor {
                 match packet.parameters {
                     [_, data @ ..] if data.len() == usize::from(length) => {
                         let took_ns = monotonic_ns().saturating_sub(self.sent_ns + wire_ns);
-                        let (fastest, slowest) = (servo.answer_ns.take())
-                            .map_or((took_ns, took_ns), |took| {
-                                (took_ns.min(*took.start()), took_ns.max(*took.end()))
-                            });
-                        servo.answer_ns = Some(fastest..=slowest);
+                        servo.answers_ns.push(took_ns);
                         return Ok(Answer::Data(data.to_vec()));
                     }
                     [error, data @ ..]
