@@ -360,6 +360,44 @@ fn frames_of_other_boards_beside_those_of_the_hand_are_told_by_their_ids() {
 }
 
 #[test]
+fn a_log_of_which_a_few_ids_happen_to_be_those_of_taxels_is_no_hands() {
+    let dir = TempDir::new().unwrap();
+    succeeds(&dir, &["sim", "tap", "--to", "log:tap.log", "--seconds", "1"]);
+    let log = std::fs::read_to_string(dir.path().join("tap.log")).unwrap();
+    let id = |line: &str| line.split([' ', '#']).nth(2).unwrap().to_owned();
+    let last = id(log.lines().last().unwrap());
+    let of_one = |line: &&str| id(line) == last;
+    let write = |every: usize| {
+        let lines = log.lines().filter(of_one).enumerate().map(|(n, line)| {
+            let other = line.replace(&format!("{last}#"), "042#");
+            let other = if n % every == 0 {
+                other + "\n"
+            } else {
+                String::new()
+            };
+            format!("{line}\n{other}")
+        });
+        std::fs::write(dir.path().join("car.log"), lines.collect::<String>()).unwrap();
+    };
+    write(2);
+    for args in [
+        &["compress", "car.log", "--out", "car.npz"][..],
+        &["convert", "car.log", "car.csv"],
+    ] {
+        let err = fails(&dir, args, 1);
+        assert!(
+            err.contains("frames are of no board of layout allegro-uskin-15, 1 id of nobody (042), and 238 of 240 taxels have no value"),
+            "{err}"
+        );
+        assert!(err.contains("`taxel doctor --scan log:car.log`"), "{err}");
+    }
+    // A hand of which little is left, and another device beside it.
+    write(5);
+    let (_, err) = succeeds(&dir, &["compress", "car.log", "--out", "car.npz"]);
+    assert!(err.contains("not all of its frames are those of layout"), "{err}");
+}
+
+#[test]
 fn a_hand_of_as_many_taxels_in_other_places_is_another_hand() {
     let module = Layout::builtin_text("uskin-module").unwrap();
     let turned = module.replace("at = [0, 0]", "at = [0, 0]\nrotation = 90");

@@ -24,6 +24,10 @@ pub(crate) struct Heard {
 pub(crate) struct AsBus {
     decoder: Decoder,
     pub(crate) modules: BTreeSet<u16>,
+    /// Taxels that have a value.
+    pub(crate) taxels: BTreeSet<u16>,
+    /// Frames of nobody on that bus.
+    pub(crate) unknown: u64,
     /// From the first reading on.
     monitor: Option<BusMonitor>,
     /// Modules under whose address two boards send.
@@ -40,6 +44,8 @@ impl Heard {
         let as_bus = |bus| AsBus {
             decoder: Decoder::new(layout, bus),
             modules: BTreeSet::new(),
+            taxels: BTreeSet::new(),
+            unknown: 0,
             monitor: None,
             doubled: BTreeSet::new(),
             malformed: 0,
@@ -61,6 +67,11 @@ impl Heard {
         self.frames > SURVEYED && self.carries_boards()
     }
 
+    /// Whether all of its frames are looked at.
+    pub(crate) fn is_whole(&self) -> bool {
+        self.frames <= SURVEYED
+    }
+
     pub(crate) fn take(&mut self, frame: &LogFrame, layout: &Layout, readings: &mut Readings) -> Wanted {
         self.frames += 1;
         if self.is_known() {
@@ -74,18 +85,22 @@ impl Heard {
                         .iter()
                         .map(|r| layout.taxels[usize::from(r.taxel)].module);
                     bus.modules.extend(modules);
+                    bus.taxels.extend(readings.iter().map(|reading| reading.taxel));
                 }
                 Decoded::Malformed { board } => {
                     bus.malformed += 1;
                     bus.first_malformed.get_or_insert((board, frame.frame));
                 }
-                Decoded::Unknown if bus.foreign.len() < MOST_IDS => {
+                Decoded::Unknown => {
+                    bus.unknown += 1;
                     let flag = if frame.frame.is_extended() {
                         EXTENDED_FLAG
                     } else {
                         0
                     };
-                    bus.foreign.insert(frame.frame.id() | flag);
+                    if bus.foreign.len() < MOST_IDS {
+                        bus.foreign.insert(frame.frame.id() | flag);
+                    }
                 }
                 _ => {}
             }

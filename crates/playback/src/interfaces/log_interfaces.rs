@@ -12,6 +12,8 @@ use taxel_config::Config;
 use taxel_hand::plural;
 use taxel_skin::{Layout, Readings};
 
+/// A log of which more than one frame of so many is of nobody may be another device's.
+const FOREIGN_ONE_OF: u64 = 4;
 /// Ids that an error names.
 const NAMED_IDS: usize = 6;
 /// So many interfaces are named in an error; a whole vehicle has hundreds.
@@ -83,10 +85,12 @@ pub fn interfaces_of_buses(
     }
     survey.tell_chosen_against_boards(&chosen);
     survey.refuse_other_hands(&chosen)?;
+    let shared = config.joints_bus().filter(|bus| bus.shared);
+    let shared = shared.map(|bus| usize::from(bus.index));
+    survey.refuse_ids_by_chance(&chosen, shared)?;
     survey.tell_doubled(&chosen);
     survey.tell_left_out(&chosen, joints);
-    let shared = config.joints_bus().filter(|bus| bus.shared);
-    survey.tell_foreign(&chosen, shared.map(|bus| usize::from(bus.index)));
+    survey.tell_foreign(&chosen, shared);
     // A name that no interface has: the bus stays silent.
     let name = |(chosen, bus): (Option<usize>, &String)| {
         chosen.map_or_else(|| bus.clone(), |place| survey.heard[place].name.clone())
@@ -327,6 +331,42 @@ impl Survey<'_> {
             self.path.display(),
             self.layout.name,
             ids_of_nobody(&foreign),
+            self.scan_command()
+        );
+    }
+
+    /// Refuses a log of something else, a quarter of whose frames are of nobody, where a few ids happen to be those of taxels: no
+    /// module has a value of half of its own. Nothing is said of a bus with joints.
+    fn refuse_ids_by_chance(
+        &self,
+        chosen: &[Option<usize>],
+        joints_bus: Option<usize>,
+    ) -> anyhow::Result<()> {
+        let is_whole = chosen.iter().flatten().all(|place| self.heard[*place].is_whole());
+        let has_joints = self.used(chosen).any(|(bus, _)| joints_bus == Some(bus));
+        let heard = |taxel: usize| {
+            let taxel = taxel as u16;
+            self.used(chosen).any(|(_, bus)| bus.taxels.contains(&taxel))
+        };
+        let is_half_heard = self.layout.modules.iter().any(|module| {
+            let taxels = module.taxel_range();
+            2 * taxels.clone().filter(|taxel| heard(*taxel)).count() >= taxels.len()
+        });
+        let unknown: u64 = self.used(chosen).map(|(_, bus)| bus.unknown).sum();
+        let frames = chosen.iter().flatten().map(|place| self.heard[*place].frames);
+        let frames: u64 = frames.sum();
+        if !is_whole || has_joints || is_half_heard || FOREIGN_ONE_OF * unknown <= frames {
+            return Ok(());
+        }
+        let foreign = self.used(chosen).flat_map(|(_, bus)| bus.foreign.iter().copied());
+        bail!(
+            "{}: {unknown} of its {frames} frames are of no board of layout {}, {}, and {} of {} taxels have no value; {} says \
+             which boards these are, and writes their layout",
+            self.path.display(),
+            self.layout.name,
+            ids_of_nobody(&foreign.collect()),
+            (0..self.layout.len()).filter(|taxel| !heard(*taxel)).count(),
+            self.layout.len(),
             self.scan_command()
         );
     }
