@@ -82,6 +82,22 @@ fn magnitudes_that_fall_under_touch_are_told() {
 }
 
 #[test]
+fn magnitudes_that_mostly_fall_under_touch_are_told_where_some_rise_as_far() {
+    let dir = TempDir::new().unwrap();
+    for (fall, is_told) in [(3, true), (1, false)] {
+        let values = Array2::from_shape_fn((60, 4), |(t, n)| match (t < 40, n < fall) {
+            (true, _) => 3500.0,
+            (_, true) => 3000.0,
+            (_, false) => 3990.0,
+        });
+        let err = said_of_four(&dir, &values, &["--idle", "20", "--threshold", "15"]);
+        let told = "fall by up to 500 below rest (--idle) and rise by up to 490; where touch lowers them";
+        assert_eq!(err.contains(told), is_told, "{err}");
+        assert_eq!(err.contains("numpy.abs(value - rest)"), is_told, "{err}");
+    }
+}
+
+#[test]
 fn forces_on_three_axes_are_told_from_counts() {
     let dir = TempDir::new().unwrap();
     write_npy(dir.path().join("in.npy"), &Array4::from_elem((3, 2, 2, 3), -0.25)).unwrap();
@@ -113,6 +129,15 @@ fn taxels_that_rest_at_a_level_are_told() {
         "taxels are above the threshold of 0 in every frame; where taxels at rest are not 0, --idle 10";
     let err = said_of_four(&dir, &resting(&[130.0, 140.0, 0.0, 150.0]), &[]);
     assert!(err.contains(&format!("in.npy: 3 of 4 {told}")), "{err}");
+    // A glove: most cells of the image have no sensor.
+    let glove = Array3::from_shape_fn((30, 8, 8), |(t, row, column)| match row < 3 {
+        true => 540.0 + ((t + column) % 3) as f64,
+        false => 0.0,
+    });
+    write_npy(dir.path().join("in.npy"), &glove).unwrap();
+    let compress = ["compress", "in.npy", "--layout", "grid:8x8", "--out", "o.npz"];
+    let (_, err) = succeeds(&dir, &compress);
+    assert!(err.contains(&format!("in.npy: 24 of 24 {told}")), "{err}");
     for (level, options) in [
         ([0.0; 4], &[][..]),
         ([2.0, 1.0, 0.0, 0.0], &[]),

@@ -102,6 +102,67 @@ fn columns_of_a_table_that_are_no_taxels_are_told() {
 }
 
 #[test]
+fn a_first_column_that_may_be_time_is_told() {
+    let dir = TempDir::new().unwrap();
+    let table = |line: &dyn Fn(usize) -> String| {
+        let lines: Vec<String> = (0..30).map(line).collect();
+        std::fs::write(dir.path().join("in.csv"), lines.concat()).unwrap();
+    };
+    let compress = |layout| ["compress", "in.csv", "--out", "o.npz", "--layout", layout];
+    let told = "its first column rises from line to line, as times do: of a .csv --time-column s";
+    table(&|t| {
+        format!(
+            "{} {} {}\n",
+            0.01 * t as f64 + 0.001 * (t % 3) as f64,
+            t % 5,
+            t % 7
+        )
+    });
+    let err = fails(&dir, &compress("grid:1x2"), 1);
+    assert!(err.contains(told), "{err}");
+    let (_, err) = succeeds(&dir, &compress("grid:1x3"));
+    assert!(err.contains(told), "{err}");
+    let (_, err) = succeeds(
+        &dir,
+        &[&compress("grid:1x2")[..], &["--time-column", "s"]].concat(),
+    );
+    assert!(!err.contains("rises"), "{err}");
+    // All are pressed more and more; one is, at last.
+    for line in [
+        &|t: usize| format!("{t} {} {}\n", 2 * t, t % 3) as String,
+        &|t: usize| format!("{} {} {}\n", t * t * t * t * t, t % 5, t % 3) as String,
+    ] as [&dyn Fn(usize) -> String; 2]
+    {
+        table(line);
+        let (_, err) = succeeds(&dir, &compress("grid:1x3"));
+        assert!(!err.contains("rises"), "{err}");
+    }
+}
+
+#[test]
+fn tables_of_another_form_are_told() {
+    let dir = TempDir::new().unwrap();
+    let write = |text: String| std::fs::write(dir.path().join("in.csv"), text).unwrap();
+    let compress = |layout| ["compress", "in.csv", "--out", "o.npz", "--layout", layout];
+    let lines = (0..36).map(|n| format!("{},{},{}\n", 0.01 * (n / 9) as f64, n % 9, n));
+    write("time,taxel,value\n".to_owned() + &lines.collect::<String>());
+    let told =
+        "most times stand in several lines, as where there is a line for each taxel: in pandas df.pivot(";
+    let err = fails(&dir, &compress("grid:3x3"), 1);
+    assert!(err.contains(told), "{err}");
+    let (_, err) = succeeds(&dir, &compress("grid:1x2"));
+    assert!(err.contains(told), "{err}");
+    write("1 2 3\n4 5 6\n".into());
+    let err = fails(&dir, &compress("grid:2x3"), 1);
+    assert!(
+        err.contains(
+            "has 3 taxels, and 2 x 3 are 6; it may be one frame of 2 lines: in numpy a[None], 1 x 2 x 3"
+        ),
+        "{err}"
+    );
+}
+
+#[test]
 fn what_is_said_of_columns_of_xela_leads_to_pictures_of_as_many_taxels() {
     let dir = TempDir::new().unwrap();
     for (taxels, layout, advice, followed) in [
