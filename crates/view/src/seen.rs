@@ -435,7 +435,7 @@ impl Seen {
         let clock = self.hello.as_ref().map(|hello| hello.clock);
         let us = |ns: u64| (clock == Some(Clock::Monotonic)).then_some(ns as f64 / 1e3);
         let latency_us = |q: f64| us(self.latency_ns.value_at_quantile(q));
-        let since_began_s = |at: u64| (at as f64 - began_ns as f64) / 1e9;
+        let since_began_s = |at: u64| (i128::from(at) - i128::from(began_ns)) as f64 / 1e9;
         let (raw_bits, image_bits) = self.bits_per_frame();
         let (max_rate_hz, problems) = (self.most_hz(), self.problems());
         let hand = self.hand.as_ref();

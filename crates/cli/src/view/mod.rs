@@ -73,7 +73,8 @@ pub(crate) struct Args {
     /// Its control socket, for z, p and m [default: control.sock beside --socket, or where the daemon puts it]
     #[arg(long, value_name = "PATH", conflicts_with = "path")]
     control: Option<PathBuf>,
-    /// Stop after so long [default: never; without a terminal a daemon is looked at for 2 s]
+    /// Stop after so long, of a recording from its first image on [default: never; without a terminal a daemon is looked at
+    /// for 2 s]
     #[arg(long, value_name = "S", value_parser = seconds(0.001..=1e9))]
     seconds: Option<Duration>,
     /// Draw into this SVG file what is to be seen at the end, instead of on the terminal; - for stdout

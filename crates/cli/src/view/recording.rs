@@ -35,10 +35,13 @@ struct Player {
 struct Pace {
     halted: bool,
     speed: f64,
+    /// Where the times that people are told begin: at the first image of an array or table, whose clock may be any; at the
+    /// first frame of traffic, whose times begin there.
+    began_ns: u64,
     /// Nothing before this time of the recording is waited for.
     skip_to_ns: u64,
-    /// Nothing after this time of the recording is shown.
-    stop_ns: u64,
+    /// Nothing so long after the beginning is shown.
+    most_ns: u64,
     /// A time of the recording, and when it was shown.
     anchor: Option<(u64, Instant)>,
     /// Whether a frame has come.
@@ -54,8 +57,9 @@ impl Default for Pace {
         Self {
             halted: false,
             speed: 1.0,
+            began_ns: 0,
             skip_to_ns: 0,
-            stop_ns: u64::MAX,
+            most_ns: u64::MAX,
             anchor: None,
             has_begun: false,
             again: false,
@@ -83,15 +87,16 @@ pub(super) fn run(
         // As fast as it can be read.
         player.change(|pace| {
             pace.skip_to_ns = u64::MAX;
-            pace.stop_ns = limit.map_or(u64::MAX, |limit| limit.as_nanos() as u64);
+            pace.most_ns = limit.map_or(u64::MAX, |limit| limit.as_nanos() as u64);
         });
         let outcome = player.play(recording);
         if !player.pace().over {
             outcome?;
         }
+        let began_ns = player.pace().began_ns;
         return match sheet {
             Some(sheet) => sheet.draw(&player.seen, &*player, &Screen::of_recording()),
-            None => summary::print(&lock(&player.seen), &player.name, (0, None), as_json),
+            None => summary::print(&lock(&player.seen), &player.name, (began_ns, None), as_json),
         };
     }
     // What keeps the file from being read is said before the terminal is taken.
@@ -176,8 +181,12 @@ impl Player {
         counts.freshness.fill(Freshness::Fresh);
         counts.age_ns.fill(0);
         let mut display = Display::new(config.profile.clone(), None, geometry)?;
+        let mut has_begun = !matches!(input, Input::Frames(_));
         recording.run(&input, &config, &mut |felt| {
             let force = felt.force;
+            if !std::mem::replace(&mut has_begun, true) {
+                self.pace().began_ns = force.t_ns;
+            }
             self.wait_until(force.t_ns)?;
             if let Some(measured) = felt.measured.filter(|measured| measured.moved != moved) {
                 moved = measured.moved;
@@ -225,7 +234,7 @@ impl Player {
         let mut pace = self.pace();
         pace.has_begun = true;
         loop {
-            pace.over |= t_ns > pace.stop_ns;
+            pace.over |= t_ns.saturating_sub(pace.began_ns) > pace.most_ns;
             if pace.over || pace.again {
                 bail!("stopped");
             }
@@ -277,7 +286,7 @@ impl Source for Player {
         };
         Heading {
             name: self.name.clone(),
-            detail: format!("{:.1} s", seen.t_ns() as f64 / 1e9),
+            detail: format!("{:.1} s", seen.t_ns().saturating_sub(pace.began_ns) as f64 / 1e9),
             about,
         }
     }

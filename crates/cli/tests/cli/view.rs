@@ -1,7 +1,7 @@
 //! `taxel view` without a terminal, and `taxel layouts`.
 
 use crate::{fails, simulated, succeeds};
-use ndarray::Array3;
+use ndarray::{Array1, Array3};
 use serde_json::{Value, json};
 use taxel_skin::Layout;
 use tempfile::TempDir;
@@ -237,4 +237,38 @@ fn of_magnitudes_no_counts_are_told_nor_a_unit_and_no_more_data_than_there_is() 
         svg.contains("grid 1: force 9, in contact") && !svg.contains("counts"),
         "{svg}"
     );
+}
+
+#[test]
+fn the_seconds_of_an_array_are_from_its_first_image_whatever_its_clock_says() {
+    let dir = TempDir::new().unwrap();
+    let seen = |counts: &Array3<u16>, began_ns: u64, args: &[&str]| {
+        let file = std::fs::File::create(dir.path().join("press.npz")).unwrap();
+        let mut npz = ndarray_npy::NpzWriter::new(file);
+        npz.add_array("counts", counts).unwrap();
+        let times: Vec<u64> = (0..300).map(|n| began_ns + n * 10_000_000).collect();
+        npz.add_array("t_ns", &Array1::from(times)).unwrap();
+        npz.finish().unwrap();
+        succeeds(&dir, &[&["view", "press.npz"], args].concat()).0
+    };
+    let values = Array3::from_shape_fn((300, 4, 4), |(t, row, column)| (t * (row + column) % 90) as u16);
+    let press = Array3::from_shape_fn((300, 16, 3), |(t, n, axis)| {
+        let noise = (7 * t + 5 * n + 3 * axis) % 4;
+        (20_000 + noise + 900 * usize::from(t > 180 && axis == 2)) as u16
+    });
+    // A hand at its start, with its sweeps as they would come on CAN, and a robot's clock.
+    for (frames, layout) in [(&values, "grid:4x4"), (&press, "uskin-module")] {
+        for more in [
+            &["--seconds", "2", "--svg", "-"][..],
+            &["--seconds", "2.3", "--json"],
+            &["--json"],
+            &[],
+        ] {
+            let args = [&["--layout", layout], more].concat();
+            let of_a_robot = seen(frames, 1_700_000_000_000_000_000, &args);
+            assert_eq!(of_a_robot, seen(frames, 0, &args), "{args:?}");
+            let is_drawn = more.contains(&"--svg");
+            assert!(!is_drawn || of_a_robot.contains("2.0 s"), "{of_a_robot}");
+        }
+    }
 }
