@@ -40,6 +40,11 @@ pub fn cut_by_marks(times_ns: &[u64], marks: &[Mark], until: &str) -> Result<Vec
             return Err(SequenceError::EmptyCut {
                 mark: mark.text.clone(),
                 t_ns: mark.t_ns,
+                from_to_ns: times_ns
+                    .first()
+                    .copied()
+                    .zip(times_ns.last().copied())
+                    .map(<[u64; 2]>::from),
             });
         }
         cuts.push(Cut {
@@ -129,17 +134,27 @@ mod tests {
 
     #[test]
     fn marks_that_cut_nothing_are_named() {
-        let times = [0, 10, 20];
+        let times = [0, 10, 20].map(|ms| ms * 1_000_000);
         for (given, words) in [
             (marks(&[]), "there is no touch"),
             (marks(&[(5, "up")]), "there is no touch"),
             (
                 marks(&[(5, "a"), (7, "up")]),
-                "no frame between the mark \"a\" at 5 ns",
+                "no frame between the mark \"a\" at 0.005 s and the next; was",
             ),
-            (marks(&[(30, "a")]), "no frame between the mark \"a\" at 30 ns"),
-            (marks(&[(10, "a"), (5, "b")]), "mark 1 is at 5 ns"),
+            (
+                marks(&[(30, "a")]),
+                "mark \"a\" at 0.03 s and the next; the frames are from 0 s to 0.02 s",
+            ),
+            (marks(&[(10, "a"), (5, "b")]), "mark 1 is at 0.005 s"),
         ] {
+            let given: Vec<Mark> = given
+                .into_iter()
+                .map(|mark| Mark {
+                    t_ns: 1_000_000 * mark.t_ns,
+                    ..mark
+                })
+                .collect();
             let error = cut_by_marks(&times, &given, "up").unwrap_err().to_string();
             assert!(error.contains(words), "{error}");
         }

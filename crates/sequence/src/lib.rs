@@ -107,7 +107,8 @@ pub enum SequenceError {
     },
     /// Marks or frames out of order.
     #[error(
-        "{what} {index} is at {t_ns} ns, before the one ahead of it; put them in the order of their times"
+        "{what} {index} is at {} s, before the one ahead of it; put them in the order of their times",
+        seconds(*.t_ns)
     )]
     Order {
         /// Mark or frame.
@@ -118,13 +119,31 @@ pub enum SequenceError {
         t_ns: u64,
     },
     /// Two marks with no frame between them.
-    #[error("no frame between the mark {mark:?} at {t_ns} ns and the next; was the recording interrupted?")]
+    #[error("no frame between the mark {mark:?} at {} s and the next; {}", seconds(*.t_ns), why_none(*.t_ns, *.from_to_ns))]
     EmptyCut {
         /// The mark's text.
         mark: String,
         /// Its time.
         t_ns: u64,
+        /// Those of the first and the last frame, if there is any.
+        from_to_ns: Option<[u64; 2]>,
     },
+}
+
+fn seconds(ns: u64) -> f64 {
+    ns as f64 / 1e9
+}
+
+/// Why there is no frame at a mark of this time.
+fn why_none(t_ns: u64, from_to_ns: Option<[u64; 2]>) -> String {
+    match from_to_ns {
+        Some([first, last]) if !(first..=last).contains(&t_ns) => format!(
+            "the frames are from {} s to {} s, and marks are times on the same clock",
+            seconds(first),
+            seconds(last)
+        ),
+        _ => "was the recording interrupted?".into(),
+    }
 }
 
 /// A touch's name behind the word: that of a mark often begins with it.

@@ -1,6 +1,7 @@
 //! Touches that a manifest names.
 
 use super::touches::{Set, above_baseline, of_scene, open, places, taken_for, values};
+use crate::recordings::own_clock::{CLOCK_S, LATE_NS, instant_ns};
 use anyhow::{Context, anyhow, bail, ensure};
 use std::collections::HashMap;
 use std::fs::File;
@@ -40,8 +41,11 @@ impl Row {
     /// # Errors
     /// Where that, or when the touch begins, cannot be.
     fn motion(&self) -> anyhow::Result<Option<Motion>> {
-        if let Some(time) = self.time.filter(|time| !(0.0..1e9).contains(time)) {
-            bail!("time {time}; a touch begins at a number of seconds from 0 on");
+        if let Some(time) = self.time.filter(|time| !CLOCK_S.contains(time)) {
+            bail!(
+                "time {time}; a touch begins at a number of seconds from 0 to {:.0}",
+                CLOCK_S.end()
+            );
         }
         let radius = self.radius.unwrap_or(0.0);
         let is_rotary = match self.motion.as_str() {
@@ -321,13 +325,16 @@ impl Job {
     fn touch(&self, row: &Row, recording: &Recording) -> anyhow::Result<Touch> {
         let (taxels, values) = values(recording);
         let times: Vec<u64> = (0..recording.len()).map(|frame| recording.t_ns(frame)).collect();
-        let from_ns = (row.time.unwrap_or(0.0) * 1e9).round() as u64;
+        let from_ns = instant_ns(row.time.unwrap_or(0.0));
         let first = times.partition_point(|t| *t < from_ns);
+        let begins_late = row.time.is_some() && times[0] > from_ns + LATE_NS.max(recording.period_ns());
         ensure!(
-            first < times.len(),
-            "{}: no frame at {} s",
+            first < times.len() && !begins_late,
+            "no frame at {} s: {} goes from {} s to {} s",
+            row.time.unwrap_or(0.0),
             recording.name(),
-            row.time.unwrap_or(0.0)
+            times[0] as f64 / 1e9,
+            times[times.len() - 1] as f64 / 1e9
         );
         let end = match self.motion {
             Some(motion) => (first + motion.steps()).min(times.len()),

@@ -167,7 +167,15 @@ pub(crate) fn of_recording(
     let (taxels, values) = values(&recording);
     let times: Vec<u64> = (0..recording.len()).map(|frame| recording.t_ns(frame)).collect();
     let mut cuts = match (&cutting.marks, cutting.contact) {
-        (Some(file), _) => cut_by_marks(&times, &marks_file::read(file)?, &cutting.until),
+        (Some(file), _) => {
+            let marks = marks_file::read(file)?;
+            let counted = marks_file::counted_from_first(&marks, &times, &cutting.until);
+            if let Some((_, told)) = &counted {
+                remark!("taxel: {}: {told}", recording.name());
+            }
+            let marks = counted.map_or(marks, |(marks, _)| marks);
+            cut_by_marks(&times, &marks, &cutting.until)
+        }
         (None, Some(threshold)) => {
             let above = above_baseline(&values, taxels, recording.has_counts(), 0);
             cut_by_contact(&above, taxels, threshold, cutting.least)

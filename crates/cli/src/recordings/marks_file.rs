@@ -1,5 +1,6 @@
 //! Marks as `.csv` (RFC 4180): seconds and text, a mark a line.
 
+use super::own_clock::{CLOCK_S, LATE_NS, instant_ns};
 use anyhow::{Context, bail};
 use std::path::Path;
 use taxel_sequence::Mark;
@@ -32,21 +33,49 @@ pub(crate) fn read(path: &Path) -> anyhow::Result<Vec<Mark>> {
         if first == SECONDS || first.is_empty() && line.len() == 1 {
             continue;
         }
-        let seconds = first
-            .parse()
-            .ok()
-            .filter(|seconds: &f64| (0.0..1e9).contains(seconds));
+        let number = line.position().map_or(0, csv::Position::line);
+        let seconds = first.parse().ok().filter(|seconds: &f64| *seconds >= 0.0);
         let (Some(seconds), true) = (seconds, line.len() > 1) else {
-            let number = line.position().map_or(0, csv::Position::line);
             let line = line.iter().collect::<Vec<_>>().join(",");
             bail!("{}:{number}: {line:?} is no mark; a mark is SECONDS,TEXT", at());
         };
+        if !CLOCK_S.contains(&seconds) {
+            bail!(
+                "{}:{number}: {first} is too great for a mark's seconds, which are up to {:.0}; is it in another unit?",
+                at(),
+                CLOCK_S.end()
+            );
+        }
         marks.push(Mark {
-            t_ns: (seconds * 1e9).round() as u64,
+            t_ns: instant_ns(seconds),
             text: text.trim().to_owned(),
         });
     }
     Ok(marks)
+}
+
+/// On the clock of a recording whose frames have these times, ahead of whose first all marks are that begin a touch: counted
+/// from that frame, where the recording is long enough, and what is said of it. None where marks are on its clock.
+pub(crate) fn counted_from_first(
+    marks: &[Mark],
+    times_ns: &[u64],
+    until: &str,
+) -> Option<(Vec<Mark>, String)> {
+    let (first, last) = (*times_ns.first()?, *times_ns.last()?);
+    let begins = marks.iter().filter(|mark| mark.text != until);
+    let latest = begins.map(|mark| mark.t_ns).max()?;
+    if latest + LATE_NS > first || latest > last - first {
+        return None;
+    }
+    let shifted = marks.iter().map(|mark| Mark {
+        t_ns: first.saturating_add(mark.t_ns),
+        text: mark.text.clone(),
+    });
+    let told = format!(
+        "its frames begin at {} s and its marks before that; they are taken as counted from its first frame",
+        first as f64 / 1e9
+    );
+    Some((shifted.collect(), told))
 }
 
 #[cfg(test)]
@@ -89,10 +118,38 @@ mod tests {
             ("1,a\nx,b\n", "marks.csv:2: \"x,b\" is no mark"),
             ("1\n", "marks.csv:1: \"1\" is no mark"),
             ("-1,a\n", "marks.csv:1: \"-1,a\" is no mark"),
+            ("nan,a\n", "marks.csv:1: \"nan,a\" is no mark"),
+            (
+                "1,a\n1700000001200,b\n",
+                "marks.csv:2: 1700000001200 is too great",
+            ),
         ] {
             std::fs::write(&path, text).unwrap();
             let message = read(&path).unwrap_err().to_string();
             assert!(message.contains(wanted), "{message}");
         }
+    }
+
+    #[test]
+    fn marks_ahead_of_the_first_frame_are_counted_from_it_where_the_recording_is_long_enough() {
+        let marks: Vec<Mark> = [(1, "touch"), (9, "away")]
+            .map(|(s, text)| Mark {
+                t_ns: s * 1_000_000_000,
+                text: text.into(),
+            })
+            .into();
+        let at = |first_s: u64, length_s: u64| {
+            let times = [first_s, first_s + length_s].map(|s| s * 1_000_000_000);
+            let counted = counted_from_first(&marks, &times, "away");
+            counted.map(|(marks, _)| marks[0].t_ns / 1_000_000_000)
+        };
+        // A withdrawal may be behind the end.
+        assert_eq!(
+            (at(20, 10), at(1_700_000_000, 5)),
+            (Some(21), Some(1_700_000_001))
+        );
+        // On its clock; and of another, longer one.
+        assert_eq!((at(0, 10), at(1, 10), at(2, 0)), (None, None, None));
+        assert_eq!(counted_from_first(&[], &[5, 6], "away"), None);
     }
 }

@@ -9,3 +9,4 @@ pub(crate) mod marks_file;
 pub(crate) mod movement;
 pub(crate) mod offline;
 pub(crate) mod out_of_use;
+pub(crate) mod own_clock;

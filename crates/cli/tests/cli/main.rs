@@ -4,6 +4,7 @@ mod advice;
 mod advice_on_columns;
 mod begun_in_a_touch;
 mod categorize;
+mod categorize_clocks;
 mod categorize_sweep;
 mod codebook;
 mod compress;
