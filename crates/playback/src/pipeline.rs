@@ -2,6 +2,7 @@
 
 use crate::buses::recorded_buses::read_ahead;
 use crate::buses::traffic::Traffic;
+use crate::counts::pauses::shown_ns;
 use crate::counts::sweep::{Sweeps, can_carry_counts};
 use crate::counts::whole_frames::WholeFrames;
 use crate::mcap::daemon_changes::{DaemonChange, DaemonChanges};
@@ -140,14 +141,19 @@ pub fn run_counts(
             recording.len()
         );
     }
-    if !can_carry_counts(&config.layout) {
-        let frames = WholeFrames::bare(recording, &config.layout, tile)?;
-        return run_whole(frames, config, changes, emit);
-    }
-    let sweeps = Sweeps::new(recording, &config.layout, tile)?;
     // The time of a frame is that of its newest reading.
     let times: Vec<u64> = (0..recording.len()).map(|frame| recording.t_ns(frame)).collect();
     let frame_from = |t_ns| times.partition_point(|time| *time < t_ns).min(times.len() - 1);
+    if !can_carry_counts(&config.layout) {
+        let shown_ns = shown_ns(recording);
+        let changes = changes.into_iter();
+        let changes = changes.filter(|(t_ns, _)| *t_ns <= times[times.len() - 1]);
+        let changes = changes.map(|(t_ns, change)| (shown_ns[frame_from(t_ns)], change));
+        let changes = changes.collect();
+        let frames = WholeFrames::bare(recording, &config.layout, tile, &shown_ns)?;
+        return run_whole(frames, config, changes, emit);
+    }
+    let sweeps = Sweeps::new(recording, &config.layout, tile)?;
     let played = |(t_ns, change)| (sweeps.end_ns(frame_from(t_ns)), change);
     let changes = changes.into_iter().map(played).collect();
     match config.tick.mode {
@@ -200,7 +206,7 @@ fn run_whole(
     showing(emit, |take| run_whole_frames(config, changes, fill, take))
 }
 
-/// Shows magnitudes, which are forces already; contacts begin above `threshold` and end at `release`.
+/// Shows magnitudes, which are forces already, without pauses that are too long; contacts begin above `threshold` and end at `release`.
 pub fn run_magnitudes(
     recording: &Recording,
     [threshold, release]: [f64; 2],
@@ -209,10 +215,10 @@ pub fn run_magnitudes(
     let mut force = ForceFrame::new(recording.taxels());
     force.threshold = threshold;
     let progress = Progress::new(recording.len() as u64, "frames");
-    for index in 0..recording.len() {
+    for (index, t_ns) in shown_ns(recording).into_iter().enumerate() {
         let magnitudes = recording.magnitudes(index).unwrap_or_default();
         force.seq = index as u64;
-        force.t_ns = recording.t_ns(index);
+        force.t_ns = t_ns;
         for ((magnitude, force), contact) in magnitudes.iter().zip(&mut force.force).zip(&mut force.contact) {
             *contact = *magnitude > if *contact { release } else { threshold };
             *force = magnitude.max(0.0);

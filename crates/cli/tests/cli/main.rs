@@ -28,6 +28,7 @@ mod metrics;
 mod options;
 mod publication;
 mod recorded_hands;
+mod recorded_times;
 mod recordings;
 mod replay;
 mod setup;

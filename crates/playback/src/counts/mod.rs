@@ -2,5 +2,6 @@
 
 pub mod array_frames;
 pub mod fitted;
+pub(crate) mod pauses;
 pub mod sweep;
 pub(crate) mod whole_frames;

@@ -1,8 +1,9 @@
 //! Recorded counts as the CAN traffic that would have carried them.
 
 use super::fitted::{IN_ORDER_OF_CHIPS, recorded_taxels};
+use super::pauses::without_pauses;
 use anyhow::bail;
-use taxel_can::{CanFrame, ClockJumps, LONGEST_PAUSE_NS, Received};
+use taxel_can::{CanFrame, Received};
 use taxel_record::Recording;
 use taxel_skin::Layout;
 
@@ -153,42 +154,10 @@ impl<'a> Sweeps<'a> {
     }
 }
 
-/// When each sweep begins: as recorded, but behind a pause that is too long to be played
-/// ([`LONGEST_PAUSE_NS`]) the next one follows after the usual time, and that is said. `longest` is how many frames a sweep
-/// puts on the fullest bus.
+/// When each sweep begins, `longest` frames on the fullest bus: as recorded, but for pauses that are too long
+/// ([`without_pauses`]).
 pub(crate) fn begins_ns(recording: &Recording, longest: usize) -> Vec<u64> {
-    let usual_ns = recording.period_ns();
-    let usual_ns = if usual_ns > LONGEST_PAUSE_NS {
-        FRAME_NS * longest as u64
-    } else {
-        usual_ns
-    };
-    let mut pauses = ClockJumps::default();
-    let mut begins = Vec::with_capacity(recording.len());
-    let mut now_ns = 0;
-    for index in 0..recording.len() {
-        if index > 0 {
-            let pause_ns = recording.t_ns(index) - recording.t_ns(index - 1);
-            now_ns += if pause_ns > LONGEST_PAUSE_NS {
-                pauses.skip(index as u64, pause_ns);
-                usual_ns
-            } else {
-                pause_ns
-            };
-        }
-        begins.push(now_ns);
-    }
-    if pauses.forward > 0 {
-        remark!(
-            "taxel: {}: {} pauses of more than {} s are left out ({:.1} s), the first before frame {}",
-            recording.name(),
-            pauses.forward,
-            LONGEST_PAUSE_NS / 1_000_000_000,
-            pauses.skipped_ns as f64 / 1e9,
-            pauses.first_line
-        );
-    }
-    begins
+    without_pauses(recording, FRAME_NS * longest as u64)
 }
 
 #[cfg(test)]

@@ -15,8 +15,13 @@ pub(crate) struct WholeFrames<'a> {
 
 /// Where the values of a frame come from.
 enum Skin<'a> {
-    /// The file itself, where boards have no CAN frame for each taxel: for each taxel its number in the recording.
-    Bare(Vec<usize>),
+    /// The file itself, where boards have no CAN frame for each taxel.
+    Bare {
+        /// For each taxel its number in the recording.
+        recorded: Vec<usize>,
+        /// When each frame is shown.
+        shown_ns: &'a [u64],
+    },
     /// What boards would have sent.
     Boards {
         sweeps: &'a Sweeps<'a>,
@@ -26,12 +31,20 @@ enum Skin<'a> {
 }
 
 impl<'a> WholeFrames<'a> {
-    /// Those of a skin whose counts no CAN frames carry one by one, at their recorded times. Refuses a recording that does
+    /// Those of a skin whose counts no CAN frames carry one by one, at these times. Refuses a recording that does
     /// not fit it; with `tile`, the recording is repeated on every module.
-    pub(crate) fn bare(recording: &'a Recording, layout: &Layout, tile: bool) -> anyhow::Result<Self> {
+    pub(crate) fn bare(
+        recording: &'a Recording,
+        layout: &Layout,
+        tile: bool,
+        shown_ns: &'a [u64],
+    ) -> anyhow::Result<Self> {
         Ok(Self {
             recording,
-            skin: Skin::Bare(recorded_taxels(recording, layout, tile)?),
+            skin: Skin::Bare {
+                recorded: recorded_taxels(recording, layout, tile)?,
+                shown_ns,
+            },
             next: 0,
         })
     }
@@ -75,8 +88,8 @@ impl<'a> WholeFrames<'a> {
         frame.freshness.fill(Freshness::Missing);
         frame.age_ns.fill(u64::MAX);
         match &mut self.skin {
-            Skin::Bare(recorded) => {
-                frame.t_ns = recording.t_ns(self.next);
+            Skin::Bare { recorded, shown_ns } => {
+                frame.t_ns = shown_ns[self.next];
                 for (taxel, recorded) in recorded.iter().enumerate() {
                     if let Some(counts) = counts[*recorded] {
                         (frame.counts[taxel], frame.freshness[taxel], frame.age_ns[taxel]) =
