@@ -1,6 +1,7 @@
 //! Touches of one motion: from a recording cut by marks or contact, or from a scene.
 
 use crate::recordings::assumed;
+use crate::recordings::implausible_times;
 use crate::recordings::marks_file;
 use anyhow::{Context, anyhow, bail, ensure};
 use std::path::{Path, PathBuf};
@@ -224,8 +225,9 @@ pub(super) fn taken_for(
     is_timed: bool,
 ) -> impl Iterator<Item = String> + use<> {
     let units = "where it is not, call it t_ms, t_us or t_ns";
+    let clock = implausible_times::told(recording).filter(|_| is_timed);
     let of_times = assumed::of_times(recording, options, units).filter(|_| is_timed);
-    assumed::of_columns(recording).chain(of_times)
+    assumed::of_columns(recording).chain(of_times).chain(clock)
 }
 
 /// Opens frames; of CAN traffic, says how they are made of it.

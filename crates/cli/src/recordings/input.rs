@@ -1,6 +1,6 @@
 //! INPUT: any recording the tool knows, and what to say about it where the file does not.
 
-use super::assumed;
+use super::{assumed, implausible_times};
 use crate::piped_file::{layout_parser, recording_parser};
 use anyhow::{Context, bail};
 use std::cell::OnceCell;
@@ -137,7 +137,9 @@ impl InputArgs {
         let name = recording.name();
         let of_times = assumed::of_times(&recording, &options, "--time-column UNIT says otherwise");
         let of_steps = assumed::of_steps(&recording);
-        for sentence in assumed::of_columns(&recording).chain(of_times).chain(of_steps) {
+        let clock = implausible_times::told(&recording);
+        let sentences = assumed::of_columns(&recording).chain(of_times);
+        for sentence in sentences.chain(of_steps).chain(clock) {
             remark!("taxel: {name}: {sentence}");
         }
         tell_large_angle(&recording);

@@ -3,6 +3,7 @@
 pub(crate) mod assumed;
 pub(crate) mod frame_output;
 pub(crate) mod held_to_the_end;
+pub(crate) mod implausible_times;
 pub(crate) mod input;
 pub(crate) mod magnitudes;
 pub(crate) mod marks_file;

@@ -1,4 +1,4 @@
-//! Pauses of more than a minute in recordings that are no CAN traffic.
+//! Times of recordings that are no CAN traffic: pauses of more than a minute, and times that no skin has.
 
 use crate::succeeds;
 use ndarray::{Array1, Array3};
@@ -45,5 +45,70 @@ fn pauses_of_counts_and_magnitudes_are_left_out_and_told_on_every_skin() {
         let (object, _) = succeeds(&dir, &["view", file, "--layout", layout, "--json"]);
         let object: Value = serde_json::from_str(&object).unwrap();
         assert_eq!(object["longest_gap_s"], 0.01, "{file} {layout}");
+    }
+}
+
+#[test]
+fn times_in_another_unit_or_kept_as_float32_are_told() {
+    let dir = TempDir::new().unwrap();
+    let values = Array3::from_elem((FRAMES, 4, 4), 5u16);
+    let seconds = |began_s: f64, step_s: f64| -> Array1<f64> {
+        (0..FRAMES).map(|n| began_s + n as f64 * step_s).collect()
+    };
+    let told = |name: &str, times: &Array1<f64>, is_single: bool| {
+        let mut npz = NpzWriter::new(File::create(dir.path().join("a.npz")).unwrap());
+        npz.add_array("values", &values).unwrap();
+        match (name, is_single) {
+            ("t_ns", _) => npz.add_array(name, &times.mapv(|t| t as u64)),
+            (_, true) => npz.add_array(name, &times.mapv(|t| t as f32)),
+            (_, false) => npz.add_array(name, times),
+        }
+        .unwrap();
+        npz.finish().unwrap();
+        let compress = ["compress", "a.npz", "--layout", "grid:4x4", "--out", "out.npz"];
+        succeeds(&dir, &compress).1
+    };
+    let unix_s = 1.7e9;
+    for (name, times, is_single, words) in [
+        (
+            "t_us",
+            seconds(5.0, 0.01),
+            false,
+            "by its times its frames come 100000000 times a second",
+        ),
+        (
+            "t_s",
+            seconds(5.0, 10_000.0),
+            false,
+            "by its times it has a frame every 10000 s",
+        ),
+        (
+            "t_ns",
+            seconds(5.0, 0.0),
+            false,
+            "299 of its 300 frames have the time of the frame before; --rate HZ",
+        ),
+        (
+            "t_s",
+            seconds(unix_s, 0.01),
+            true,
+            "frames have the time of the frame before; float32 keeps times as great as these to 128 s: save",
+        ),
+        (
+            "t_ms",
+            seconds(1e3 * unix_s, 10.0),
+            true,
+            "float32 keeps times as great as these to 131.072 s: save",
+        ),
+    ] {
+        let err = told(name, &times, is_single);
+        assert!(err.contains(words), "{name} {words}: {err}");
+    }
+    for (name, times, is_single) in [
+        ("t_s", seconds(unix_s, 0.01), false),
+        ("t_s", seconds(0.0, 0.01), true),
+        ("t_s", seconds(0.0, 1.0), false),
+    ] {
+        assert_eq!(told(name, &times, is_single), "", "{name} {is_single}");
     }
 }

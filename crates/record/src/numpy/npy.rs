@@ -255,10 +255,16 @@ impl<R: Read> Array<R> {
             .element
             .filter(|e| e.bytes == 8 && matches!(e.kind, Kind::Unsigned | Kind::Signed));
         let Some(element) = whole else {
+            let dtype = self.dtype();
+            let made = match dtype.get(..2) {
+                Some("M8") => "t.astype(\"datetime64[ns]\").astype(\"int64\")",
+                Some("m8") => "t.astype(\"timedelta64[ns]\").astype(\"int64\")",
+                _ if self.element.is_some() => "numpy.round(t).astype(\"int64\")",
+                _ => "t.astype(\"int64\")",
+            };
             let reason = format!(
-                "times are one u64 or i64 per frame, nanoseconds, not {} of {}",
-                show_shape(self.shape()),
-                self.dtype()
+                "times are one u64 or i64 per frame, nanoseconds, not {} of {dtype}: {made}",
+                show_shape(self.shape())
             );
             return Err(RecordError::unreadable(&self.at, reason));
         };

@@ -124,6 +124,34 @@ fn numbers_of_every_width_sign_and_byte_order_are_their_values() {
 }
 
 #[test]
+fn times_that_are_no_whole_nanoseconds_are_refused_with_what_makes_such_of_them() {
+    let refused = |descriptor: &str| {
+        let bytes = file(descriptor, "(1,)", &[0; 8]);
+        let times = Array::open("test".into(), &bytes[..]).unwrap().times();
+        times.unwrap_err().to_string()
+    };
+    for (descriptor, made) in [
+        ("<f8", "not 1 of f64: numpy.round(t).astype(\"int64\")"),
+        ("<f4", "not 1 of f32: numpy.round(t).astype(\"int64\")"),
+        (
+            "<M8[us]",
+            "not 1 of M8[us]: t.astype(\"datetime64[ns]\").astype(\"int64\")",
+        ),
+        (
+            "<m8[ns]",
+            "not 1 of m8[ns]: t.astype(\"timedelta64[ns]\").astype(\"int64\")",
+        ),
+        ("|O", "not 1 of O: t.astype(\"int64\")"),
+    ] {
+        let message = refused(descriptor);
+        assert!(message.ends_with(made), "{descriptor}: {message}");
+    }
+    let whole = file("<i8", "(1,)", &7u64.to_le_bytes());
+    let times = Array::open("test".into(), &whole[..]).unwrap().times();
+    assert_eq!(times.unwrap(), [7]);
+}
+
+#[test]
 fn an_array_that_is_too_large_is_refused_before_it_is_read() {
     struct Untouched;
     impl Read for Untouched {
