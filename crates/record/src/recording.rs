@@ -309,7 +309,8 @@ fn refuse_backwards(at: &str, times_ns: &[u64]) -> Result<(), RecordError> {
         return Ok(());
     };
     let reason = format!(
-        "the time of frame {} is before that of the frame before it",
+        "the time of frame {} is before that of the frame before it; where the frames are only out of order, \
+         n = numpy.argsort(t, kind=\"stable\") puts them into it, values[n] and t[n]",
         before + 1
     );
     Err(RecordError::unreadable(at, reason))

@@ -5,7 +5,7 @@ use anyhow::{Context, bail};
 use std::path::Path;
 use taxel_sequence::Mark;
 
-/// The name of the first column, where there is a line of names.
+/// The name of the first column in files that are written.
 const SECONDS: &str = "t_s";
 
 /// The text of a file of these marks.
@@ -19,25 +19,59 @@ pub(crate) fn text(marks: &[Mark]) -> anyhow::Result<Vec<u8>> {
     Ok(lines.into_inner()?)
 }
 
-/// Reads marks in the order of the file. Commas behind the first belong to the text, quoted or not.
+/// Words that the first column may be called by.
+const NAMES: [&str; 10] = [
+    "t",
+    "time",
+    "timestamp",
+    "stamp",
+    "elapsed",
+    "s",
+    "sec",
+    "secs",
+    "second",
+    "seconds",
+];
+
+/// Reads marks in the order of the file: seconds, then a comma, semicolon or tab, and a text. Commas behind the first belong to
+/// the text, quoted or not. Columns may have names, and lines with a `#` are comments. Behind semicolons and tabs, decimals may
+/// have a comma.
+///
+/// # Errors
+/// Where a line is no mark, or every text begins with what may be the decimals of the seconds.
 pub(crate) fn read(path: &Path) -> anyhow::Result<Vec<Mark>> {
     let at = || path.display().to_string();
-    let lines = csv::ReaderBuilder::new()
+    let text = std::fs::read(path).with_context(at)?;
+    let text = text.strip_prefix("\u{feff}".as_bytes()).unwrap_or(&text);
+    let delimiter = delimiter_of(text);
+    let mut lines = csv::ReaderBuilder::new()
         .has_headers(false)
         .flexible(true)
-        .from_path(path);
+        .comment(Some(b'#'))
+        .delimiter(delimiter)
+        .from_reader(text);
     let mut marks = Vec::new();
-    for line in lines.with_context(at)?.records() {
+    let (mut with_decimals, mut first_of_them) = (0, None);
+    for line in lines.records() {
         let line = line.with_context(at)?;
-        let (first, text) = (line[0].trim(), line.iter().skip(1).collect::<Vec<_>>().join(","));
-        if first == SECONDS || first.is_empty() && line.len() == 1 {
+        let first = line[0].trim();
+        let rest: Vec<&str> = line.iter().skip(1).collect();
+        if first.is_empty() && rest.is_empty() || !rest.is_empty() && is_name(first) {
             continue;
         }
         let number = line.position().map_or(0, csv::Position::line);
-        let seconds = first.parse().ok().filter(|seconds: &f64| *seconds >= 0.0);
-        let (Some(seconds), true) = (seconds, line.len() > 1) else {
-            let line = line.iter().collect::<Vec<_>>().join(",");
-            bail!("{}:{number}: {line:?} is no mark; a mark is SECONDS,TEXT", at());
+        let whole = || {
+            line.iter()
+                .collect::<Vec<_>>()
+                .join(&char::from(delimiter).to_string())
+        };
+        let seconds = seconds(first, delimiter).filter(|seconds| *seconds >= 0.0);
+        let (Some(seconds), false) = (seconds, rest.is_empty()) else {
+            bail!(
+                "{}:{number}: {:?} is no mark; a mark is SECONDS,TEXT",
+                at(),
+                whole()
+            );
         };
         if !CLOCK_S.contains(&seconds) {
             bail!(
@@ -46,12 +80,60 @@ pub(crate) fn read(path: &Path) -> anyhow::Result<Vec<Mark>> {
                 CLOCK_S.end()
             );
         }
+        if delimiter == b',' && rest.len() > 1 && are_digits(first) && are_digits(rest[0]) {
+            with_decimals += 1;
+            first_of_them.get_or_insert_with(|| format!("{}:{number}: {:?}", at(), whole()));
+        }
         marks.push(Mark {
             t_ns: instant_ns(seconds),
-            text: text.trim().to_owned(),
+            text: rest.join(&char::from(delimiter).to_string()).trim().to_owned(),
         });
     }
-    Ok(marks)
+    match first_of_them.filter(|_| with_decimals == marks.len()) {
+        Some(line) => bail!(
+            "{line} may be seconds with a decimal comma: write them with a point, or put the text into quotes"
+        ),
+        None => Ok(marks),
+    }
+}
+
+/// What separates the seconds of the first line from its text.
+fn delimiter_of(text: &[u8]) -> u8 {
+    let is_mark = |line: &&[u8]| !line.trim_ascii().is_empty() && line[0] != b'#';
+    let line = text
+        .split(|byte| *byte == b'\n')
+        .find(is_mark)
+        .unwrap_or_default();
+    let line = String::from_utf8_lossy(line);
+    let separates = |delimiter: &u8| {
+        let first = line
+            .split_once(char::from(*delimiter))
+            .map(|(first, _)| first.trim());
+        first.is_some_and(|first| is_name(first) || seconds(first, *delimiter).is_some())
+    };
+    *b";\t"
+        .iter()
+        .find(|delimiter| separates(delimiter))
+        .unwrap_or(&b',')
+}
+
+/// A number of seconds before this delimiter.
+fn seconds(text: &str, delimiter: u8) -> Option<f64> {
+    match delimiter {
+        b',' => text.parse().ok(),
+        _ => text.replace(',', ".").parse().ok(),
+    }
+}
+
+/// Whether the column of the seconds may be called so.
+fn is_name(text: &str) -> bool {
+    let words = text.split(|letter: char| !letter.is_alphanumeric());
+    let mut words = words.filter(|word| !word.is_empty()).peekable();
+    words.peek().is_some() && words.all(|word| NAMES.contains(&word.to_lowercase().as_str()))
+}
+
+fn are_digits(text: &str) -> bool {
+    !text.is_empty() && text.bytes().all(|byte| byte.is_ascii_digit())
 }
 
 /// On the clock of a recording whose frames have these times, ahead of whose first all marks are that begin a touch: counted
@@ -128,6 +210,33 @@ mod tests {
             let message = read(&path).unwrap_err().to_string();
             assert!(message.contains(wanted), "{message}");
         }
+    }
+
+    #[test]
+    fn marks_are_read_as_tables_are() {
+        let folder = tempfile::tempdir().unwrap();
+        let path = folder.path().join("marks.csv");
+        let wanted = [(1_200_000_000, "touch 0, left C0"), (2_000_000_000, "away")];
+        for text in [
+            "seconds,text\n1.2,touch 0, left C0\n2,away\n",
+            "\u{feff}# of the robot\r\nTime [s];text\r\n1,2;touch 0, left C0\r\n2,0;away\r\n",
+            "1.2;touch 0, left C0\n# it goes up\n2;away\n",
+            "1.2\ttouch 0, left C0\n\n2\taway\n",
+            "\"time\",\"text\"\n1.2,\"touch 0, left C0\"\n2,away\n",
+        ] {
+            std::fs::write(&path, text).unwrap();
+            let marks = read(&path).map_err(|error| format!("{text}: {error}")).unwrap();
+            let marks: Vec<(u64, &str)> = marks.iter().map(|mark| (mark.t_ns, &*mark.text)).collect();
+            assert_eq!(marks, wanted, "{text}");
+        }
+        std::fs::write(&path, "t_s,text\n1,200,touch 0 C0\n2,000,away\n").unwrap();
+        let message = read(&path).unwrap_err().to_string();
+        let told =
+            "marks.csv:2: \"1,200,touch 0 C0\" may be seconds with a decimal comma: write them with a point";
+        assert!(message.contains(told), "{message}");
+        // Numbers in the texts of some.
+        std::fs::write(&path, "1,200,left\n2,away\n3.5,7,right\n").unwrap();
+        assert_eq!(read(&path).unwrap()[0].text, "200,left");
     }
 
     #[test]

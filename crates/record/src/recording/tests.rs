@@ -245,7 +245,13 @@ fn times_are_recorded_ones_unless_a_rate_is_given() {
 
 #[test]
 fn times_that_run_backwards_or_do_not_fit_are_refused() {
-    for (times, wanted) in [(vec![5, 4, 9], "frame 1"), (vec![1, 2], "2 times for 3 frames")] {
+    for (times, wanted) in [
+        (
+            vec![5, 4, 9],
+            "frame 1 is before that of the frame before it; where the frames are only out of order, n = numpy.argsort(t,",
+        ),
+        (vec![1, 2], "2 times for 3 frames"),
+    ] {
         let mut timed = ramp(&[3, 2]);
         timed.times_ns = Some(times);
         let message = message(timed, &ReadOptions::default());
