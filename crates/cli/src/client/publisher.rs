@@ -2,11 +2,15 @@
 
 use crate::piped_file;
 use anyhow::Context;
+use nix::sys::socket::SockType;
 use std::io;
+use std::os::fd::OwnedFd;
 use std::path::Path;
 use std::sync::{Mutex, MutexGuard, PoisonError};
 use taxel_playback::interrupt::before_the_end;
-use taxel_serve::{Announcements, Limits, ProfilesConfig, Server, ServerHandle, ServerSeed, SocketPath};
+use taxel_serve::{
+    Announcements, Limits, ProfilesConfig, Server, ServerHandle, ServerSeed, SocketPath, SocketPathError,
+};
 use taxel_wire::{Hello, Kind};
 use tokio_seqpacket::UnixSeqpacketListener;
 
@@ -23,11 +27,9 @@ pub(crate) struct Publisher {
 impl Publisher {
     /// Takes the socket of this name; `what` is published there, and `hello` is what subscribers are told of the hand.
     pub(crate) fn start(path: &Path, hello: Hello, what: &'static str) -> anyhow::Result<Self> {
-        let mut path = SocketPath::take(path, 0o660, "")?;
         // A signal ends the program without any destructor.
         before_the_end(last).context("cannot handle signals")?;
-        let listening = path.listen(nix::sys::socket::SockType::SeqPacket, 16)?;
-        let published = Published::until_dropped(path);
+        let (published, listening) = Published::take(path)?;
         let limits = Limits {
             max_subscribers: 16,
             stall_ms: 2000,
@@ -73,9 +75,17 @@ impl Publisher {
 struct Published;
 
 impl Published {
-    fn until_dropped(path: SocketPath) -> Self {
-        *published() = Some(path);
-        Self
+    /// Takes the socket of this name. A signal meanwhile waits until it is there to be removed.
+    fn take(path: &Path) -> Result<(Self, OwnedFd), SocketPathError> {
+        let mut published = published();
+        let path = published.insert(SocketPath::take(path, 0o660, "")?);
+        match path.listen(SockType::SeqPacket, 16) {
+            Ok(listening) => Ok((Self, listening)),
+            Err(error) => {
+                *published = None;
+                Err(error)
+            }
+        }
     }
 }
 
