@@ -49,8 +49,10 @@ class Lockstep:
         self.hand = hand
         self.buses = buses
         self.reader = taxel_reader.connect(daemon.images)
-        self.sent_at = 0.0
+        self.began_at = self.sent_at = 0.0
         self.sweeps = 0
+        # Since a sweep was sent again there may be an image of it from before.
+        self.sent_again = False
         self.calibration = []
         # The description of the hand is the first that a reader is sent: from now on the daemon serves it.
         while self.reader.hello is None:
@@ -62,12 +64,13 @@ class Lockstep:
         calibrating = len(self.calibration) < CALIBRATION_FRAMES
         if calibrating:
             self.calibration.append(frames)
-        for _ in range(5):
+        for again in range(5):
             try:
+                if calibrating and again:  # the first frames are remembered: begin anew
+                    self._calibrate_again()
                 return self._image_of(frames)
             except Overtaken:
-                if calibrating:  # the first frames are remembered: begin anew
-                    self._calibrate_again()
+                self.sent_again = True
         raise AssertionError(f"five images in a row were overtaken; status: {self.daemon.status()}")
 
     def rezero(self):
@@ -78,24 +81,23 @@ class Lockstep:
     def send(self, frames):
         """Sends a sweep, or what there is of it, not so soon that its readings are taken for duplicates."""
         time.sleep(max(0.0, self.sent_at + BOARD_PERIOD_S - time.monotonic()))
+        self.began_at = time.monotonic()
         self.buses.send(frames)
         self.sent_at = time.monotonic()
         self.sweeps += 1
 
     def _image_of(self, frames):
-        began = time.monotonic()
         self.send(frames)
+        oldest_s = self.began_at - BOARD_PERIOD_S / 2 if self.sent_again else 0.0
         try:
-            return next_full_image(self.reader, sent_from=began)
+            return next_full_image(self.reader, sent_from=self.began_at, oldest_s=oldest_s)
         except AssertionError as error:
             raise AssertionError(f"{error}; status: {self.daemon.status()}") from None
 
     def _calibrate_again(self):
         assert self.daemon.control("rezero")["ok"]
         for frames in self.calibration[:-1]:
-            self.send(frames)
-            made = self.daemon.status()["images"]["made"]
-            self.daemon.wait_status(lambda s: s["images"]["made"] > made, "no image of a sweep")
+            self._image_of(frames)
 
 
 def next_image(reader, seconds=HANGS_AFTER_S):
@@ -112,8 +114,9 @@ def next_image(reader, seconds=HANGS_AFTER_S):
 OVERTAKEN_S = 1.0
 
 
-def next_full_image(reader, seconds=HANGS_AFTER_S, sent_from=None):
-    """The next image in which no taxel is missing; while nothing is sent the daemon says so with empty ones.
+def next_full_image(reader, seconds=HANGS_AFTER_S, sent_from=None, oldest_s=0.0):
+    """The next image in which no taxel is missing; while nothing is sent the daemon says so with empty ones. One whose newest
+    reading came before `oldest_s` is of another sweep.
 
     `sent_from` is when the first frame of its sweep was sent, if that is to be sent again where the deadline cut it. Both
     parts then come as images; of a sweep of which the daemon lost something there is one.
@@ -124,7 +127,9 @@ def next_full_image(reader, seconds=HANGS_AFTER_S, sent_from=None):
     while time.monotonic() < end:
         image = next_image(reader)
         if image.missing == 0:
-            return image
+            if image.header.t_ns >= 1e9 * oldest_s:
+                return image
+            continue
         if image.skipped:
             overtaken_at = min(overtaken_at, time.monotonic() + OVERTAKEN_S)
         if time.monotonic() > overtaken_at:
