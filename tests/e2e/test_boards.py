@@ -32,11 +32,13 @@ class Places:
 
 
 def cyskin_triangle():
-    """The built-in file with the lines for a hub filled in, as its head says."""
+    """The built-in file with the lines for a hub filled in, as its head says. A busy machine may hold up who plays the hub in
+    the middle of a packet, for longer than the 50 ms after which it is given up."""
     text = (LAYOUTS / "cyskin-triangle.toml").read_text()
     offline = r'^protocol = "offline"\n|^order = \[\n(.*\n)*?^\]\n'
     text = re.sub(offline, "", text, flags=re.M)
-    return re.sub(r"^#!", "", text, flags=re.M)
+    text = re.sub(r"^#!", "", text, flags=re.M)
+    return text.replace("[[cyskin.hub]]", "[cyskin]\ntimeout_ms = 10000\n\n[[cyskin.hub]]", 1)
 
 
 TEXTS = {
