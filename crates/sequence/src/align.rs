@@ -13,6 +13,17 @@ pub enum Alignment {
     Time,
 }
 
+impl Alignment {
+    /// What steps are measured in.
+    pub fn unit(self) -> &'static str {
+        match self {
+            Self::Depth => "mm",
+            Self::Angle => "degrees",
+            Self::Time => "s",
+        }
+    }
+}
+
 impl std::fmt::Display for Alignment {
     fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
         f.pad(match self {

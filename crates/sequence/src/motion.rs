@@ -59,15 +59,6 @@ impl Motion {
         }
     }
 
-    /// Where its first step is, in words.
-    pub fn first(self) -> &'static str {
-        if self.is_rotary() {
-            "at 30 degrees"
-        } else {
-            "at 0.5 mm"
-        }
-    }
-
     /// Where step `n`, from 0, is: mm below the surface, or degrees.
     pub fn at(self, n: usize) -> f64 {
         if self.is_rotary() {

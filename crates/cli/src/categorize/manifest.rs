@@ -303,15 +303,20 @@ impl Job {
                 .map_or(0, |longest| recording.len().saturating_sub(longest));
             // Once, and not again by each shallower motion.
             let is_longest = self.motion.map(Motion::steps) == row.longest;
-            if beyond > 0 && is_longest && set.beyond == 0 {
+            if let Some(motion) = self.motion
+                && beyond > 0
+                && is_longest
+                && set.beyond == 0
+            {
                 remark!(
                     "taxel: {}: {} has {}, and the longest motion that is cut out of it {} steps, a frame each, the first of \
-                     them {}; those behind are left out, and so of other files",
+                     them at {} {}; those behind are left out, and so of other files",
                     at(line),
                     row.file,
                     plural(recording.len(), "frame"),
                     recording.len() - beyond,
-                    self.motion.map_or("", Motion::first)
+                    motion.at(0),
+                    motion.along().unit()
                 );
             }
             set.beyond += beyond;

@@ -104,11 +104,7 @@ impl Set {
         };
         let shortest = self.touches.iter().min_by(|a, b| way(a).total_cmp(&way(b)));
         let shortest = shortest.filter(|_| frames > 0)?;
-        let unit = match self.along() {
-            Alignment::Depth => "mm",
-            Alignment::Angle => "degrees",
-            Alignment::Time => "s",
-        };
+        let unit = self.along().unit();
         Some(format!(
             "{frames} frames outside the steps that all touches have are left out; the shortest, {}, has {} in {} {unit}",
             shortest.name,
