@@ -211,7 +211,8 @@ pub enum LayoutProblem {
     },
     /// An order whose numbers begin with 1.
     #[error(
-        "module {module:?}: its order has the taxels 1 to {taxels}, and taxels are counted from 0: write one less for each"
+        "module {module:?}: its order has the taxels 1 to {taxels}, and taxels are counted from 0: write one less for each, \
+         or where there is no taxel 0, -1 in its place"
     )]
     OrderFromOne {
         /// The module.

@@ -346,6 +346,19 @@ fn a_taxel_that_never_speaks_and_one_that_speaks_once_are_told_from_a_board() {
 }
 
 #[test]
+fn a_board_whose_first_taxel_never_speaks_is_proposed_without_it() {
+    for (protocol, taxels) in [(Protocol::USKIN_L1, 16), (Protocol::USKIN_L2, 8)] {
+        let ks: Vec<u8> = (1..taxels).collect();
+        let found = recognise(1, &board(protocol, 5, &ks, None));
+        let text = found.layout_file("l", &["can0"]).unwrap();
+        let layout = Layout::parse(&text, "l.toml").unwrap_or_else(|e| panic!("{e}\n{text}"));
+        let mut proposed = layout.k;
+        proposed.sort_unstable();
+        assert!(proposed.into_iter().eq(1..u16::from(taxels)));
+    }
+}
+
+#[test]
 fn an_allegro_hand_is_recognised_and_is_no_skin() {
     for (version, ids) in [
         (3, [0x3D3, 0x3D4, 0x3D5, 0x3D6]),

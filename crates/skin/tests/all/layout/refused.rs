@@ -66,6 +66,7 @@ fn what_cannot_be_is_refused_with_file_and_line() {
             &[
                 "hand.toml:11:",
                 "its order has the taxels 1 to 16, and taxels are counted from 0",
+                "-1 in its place",
             ],
         ),
         (
