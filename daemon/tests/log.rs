@@ -187,6 +187,12 @@ fn lines_for_the_journal_bear_their_priority_and_others_do_not() {
             &format!("export JOURNAL_STREAM={stream}"),
         );
         served(&mut daemon, folder.path());
+        // Images come before it says that it is ready.
+        let deadline = Instant::now() + PATIENCE;
+        while !std::fs::read_to_string(&log).unwrap().contains("ready") {
+            assert!(Instant::now() < deadline, "it does not say that it is ready");
+            std::thread::sleep(Duration::from_millis(10));
+        }
         let refused = Command::new(env!("CARGO_BIN_EXE_taxeld"))
             .args(["--config", "/no-such.toml"])
             .env("JOURNAL_STREAM", stream)
