@@ -209,7 +209,7 @@ pub enum LayoutProblem {
         /// The module.
         module: String,
     },
-    /// An order whose numbers begin with 1.
+    /// An order without an empty cell whose numbers begin with 1.
     #[error(
         "module {module:?}: its order has the taxels 1 to {taxels}, and taxels are counted from 0: write one less for each, \
          or where there is no taxel 0, -1 in its place"
