@@ -9,6 +9,7 @@
 
 mod allegro;
 mod array;
+mod conflicts;
 mod found;
 mod propose;
 
@@ -139,6 +140,9 @@ impl Recogniser {
                     "more than {MOST_HUBS} extended addresses were heard; the rest was not looked at"
                 ));
             }
+        }
+        for bus in &mut buses {
+            conflicts::settle(bus, cyskin.as_ref());
         }
         Recognition { buses, cyskin }
     }

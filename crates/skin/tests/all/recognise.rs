@@ -359,6 +359,31 @@ fn a_board_whose_first_taxel_never_speaks_is_proposed_without_it() {
 }
 
 #[test]
+fn of_two_boards_with_one_address_the_one_with_more_taxels_is_proposed() {
+    let triangle = "name = \"t\"\nbuses = [\"can0\"]\nimage = { width = 4, height = 3 }\n\
+        [[module]]\nname = \"l\"\npart = \"p\"\nbus = \"can0\"\nboard = 1\nprotocol = \"icub-mtb3\"\nat = [0, 0]\n\
+        order = [[50, 51, 48, 49], [52, 53, 55, 56], [57, 59, -1, -1]]\n";
+    let triangle = Layout::parse(triangle, "t.toml").unwrap_or_else(|e| panic!("{e}"));
+    for (taxels, stays, goes) in [(16, "uskin-l1", "icub-mtb3"), (8, "icub-mtb3", "uskin-l1")] {
+        let ks: Vec<u8> = (0..taxels).collect();
+        let mut traffic = traffic(&triangle);
+        traffic.extend(board(Protocol::USKIN_L1, 1, &ks, None));
+        let found = recognise(1, &traffic);
+        let bus = &found.buses[0];
+        let names: Vec<&str> = bus.boards.iter().map(|b| b.protocol.name()).collect();
+        assert_eq!(names, [stays]);
+        let told = format!("{goes} board 1 is left out, since {stays} board 1 has the same address");
+        assert!(
+            bus.doubts.iter().any(|d| d.starts_with(&told)),
+            "{:?}",
+            bus.doubts
+        );
+        let text = found.layout_file("both", &["can0"]).unwrap();
+        Layout::parse(&text, "both.toml").unwrap_or_else(|e| panic!("{e}\n{text}"));
+    }
+}
+
+#[test]
 fn an_allegro_hand_is_recognised_and_is_no_skin() {
     for (version, ids) in [
         (3, [0x3D3, 0x3D4, 0x3D5, 0x3D6]),
