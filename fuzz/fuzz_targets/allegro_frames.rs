@@ -1,3 +1,3 @@
 #![no_main]
 
-libfuzzer_sys::fuzz_target!(|data: &[u8]| taxel_fuzz::run("allegro_frames", data));
+libfuzzer_sys::fuzz_target!(|data: &[u8]| taxel_fuzz::allegro_frames(data));

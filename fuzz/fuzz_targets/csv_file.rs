@@ -1,3 +1,3 @@
 #![no_main]
 
-libfuzzer_sys::fuzz_target!(|data: &[u8]| taxel_fuzz::run("csv_file", data));
+libfuzzer_sys::fuzz_target!(|data: &[u8]| taxel_fuzz::csv_file(data));

@@ -1,3 +1,3 @@
 #![no_main]
 
-libfuzzer_sys::fuzz_target!(|data: &[u8]| taxel_fuzz::run("cyskin_reassembly", data));
+libfuzzer_sys::fuzz_target!(|data: &[u8]| taxel_fuzz::cyskin_reassembly(data));

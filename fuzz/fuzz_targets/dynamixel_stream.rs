@@ -1,3 +1,3 @@
 #![no_main]
 
-libfuzzer_sys::fuzz_target!(|data: &[u8]| taxel_fuzz::run("dynamixel_stream", data));
+libfuzzer_sys::fuzz_target!(|data: &[u8]| taxel_fuzz::dynamixel_stream(data));

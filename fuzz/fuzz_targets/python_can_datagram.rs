@@ -1,3 +1,3 @@
 #![no_main]
 
-libfuzzer_sys::fuzz_target!(|data: &[u8]| taxel_fuzz::run("python_can_datagram", data));
+libfuzzer_sys::fuzz_target!(|data: &[u8]| taxel_fuzz::python_can_datagram(data));

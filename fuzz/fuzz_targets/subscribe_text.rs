@@ -1,3 +1,3 @@
 #![no_main]
 
-libfuzzer_sys::fuzz_target!(|data: &[u8]| taxel_fuzz::run("subscribe_text", data));
+libfuzzer_sys::fuzz_target!(|data: &[u8]| taxel_fuzz::subscribe_text(data));

@@ -1,3 +1,3 @@
 #![no_main]
 
-libfuzzer_sys::fuzz_target!(|data: &[u8]| taxel_fuzz::run("wire_decode", data));
+libfuzzer_sys::fuzz_target!(|data: &[u8]| taxel_fuzz::wire_decode(data));

@@ -28,7 +28,7 @@ static HANDS: LazyLock<Vec<(Layout, Decoder, BusMonitor)>> = LazyLock::new(|| {
 });
 
 /// Any frames to the decoder of every built-in hand and to a discovery: each frame in one count.
-pub(crate) fn decoder_frames(data: &[u8]) {
+pub fn decoder_frames(data: &[u8]) {
     for (hand, decoder, monitor) in HANDS.iter() {
         let mut decoder = decoder.clone();
         check_decoder(hand, &mut decoder, frames(data));
@@ -66,7 +66,7 @@ fn check_decoder(hand: &Layout, decoder: &mut Decoder, frames: impl Iterator<Ite
 
 /// Frames of one CySkin hub, under parameters that the first byte chooses. Checksums are mostly
 /// off, so that the bytes behind them are reached.
-pub(crate) fn cyskin_reassembly(data: &[u8]) {
+pub fn cyskin_reassembly(data: &[u8]) {
     let Some((choice, mut rest)) = data.split_first() else {
         return;
     };
@@ -111,7 +111,7 @@ pub(crate) fn cyskin_reassembly(data: &[u8]) {
 }
 
 /// Any frames to the recogniser of unknown buses: the layout file that it proposes is one.
-pub(crate) fn recognise_frames(data: &[u8]) {
+pub fn recognise_frames(data: &[u8]) {
     let mut recogniser = Recogniser::new(2);
     for (i, frame) in (0u64..).zip(frames(data)) {
         let t_ns = i * 700_000;

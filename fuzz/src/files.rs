@@ -11,7 +11,7 @@ use taxel_skin::{Decoder, Layout};
 use taxeld::Config;
 
 /// The text of a layout file: a layout that can be used, or an error that can be printed.
-pub(crate) fn layout_file(data: &[u8]) {
+pub fn layout_file(data: &[u8]) {
     let Ok(text) = std::str::from_utf8(data) else {
         return;
     };
@@ -35,7 +35,7 @@ pub(crate) fn layout_file(data: &[u8]) {
 
 /// The text of the daemon's configuration: one that is complete, or an error with a line. Layouts
 /// are looked for in an empty place.
-pub(crate) fn configuration(data: &[u8]) {
+pub fn configuration(data: &[u8]) {
     let Ok(text) = std::str::from_utf8(data) else {
         return;
     };
@@ -46,7 +46,7 @@ pub(crate) fn configuration(data: &[u8]) {
 }
 
 /// The text of a scene: one with a length, or an error with a line.
-pub(crate) fn scene_file(data: &[u8]) {
+pub fn scene_file(data: &[u8]) {
     let Ok(text) = std::str::from_utf8(data) else {
         return;
     };
@@ -57,7 +57,7 @@ pub(crate) fn scene_file(data: &[u8]) {
 }
 
 /// The first byte says whether the rest is a `.npy` or a `.npz`, and what its columns are.
-pub(crate) fn array_file(data: &[u8]) {
+pub fn array_file(data: &[u8]) {
     let Some((choice, bytes)) = data.split_first() else {
         return;
     };
@@ -69,7 +69,7 @@ pub(crate) fn array_file(data: &[u8]) {
 }
 
 /// The first byte says what the columns of the `.csv` are.
-pub(crate) fn csv_file(data: &[u8]) {
+pub fn csv_file(data: &[u8]) {
     let Some((choice, bytes)) = data.split_first() else {
         return;
     };
@@ -82,7 +82,7 @@ pub(crate) fn csv_file(data: &[u8]) {
 }
 
 /// A MATLAB file: a matrix of whole columns, or an error with a byte of the file.
-pub(crate) fn mat_file(data: &[u8]) {
+pub fn mat_file(data: &[u8]) {
     match read_mat(data, "datos") {
         Ok(matrix) => {
             assert!(matrix.rows == 0 || matrix.values.len() % matrix.rows == 0);
@@ -101,7 +101,7 @@ pub(crate) fn mat_file(data: &[u8]) {
 }
 
 /// The first byte says whether the rest is an `.mcap` or a message of one.
-pub(crate) fn recording_file(data: &[u8]) {
+pub fn recording_file(data: &[u8]) {
     let Some((choice, bytes)) = data.split_first() else {
         return;
     };

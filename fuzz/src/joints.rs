@@ -7,7 +7,7 @@ use taxel_joints::{AllegroConfig, AllegroDecoder};
 
 /// Bytes of a servo bus, in pieces whose sizes the first byte chooses: every byte is in a packet or
 /// skipped, and packets lie within what came.
-pub(crate) fn dynamixel_stream(data: &[u8]) {
+pub fn dynamixel_stream(data: &[u8]) {
     let Some((choice, mut rest)) = data.split_first() else {
         return;
     };
@@ -47,7 +47,7 @@ fn drain(parser: &mut Parser, longest: usize) -> u64 {
 
 /// Any frames to decoders of Allegro hands of every version: each frame in one count, and every
 /// angle a number.
-pub(crate) fn allegro_frames(data: &[u8]) {
+pub fn allegro_frames(data: &[u8]) {
     static HANDS: LazyLock<Vec<AllegroDecoder>> = LazyLock::new(|| {
         let hand = |version| AllegroDecoder::new(&AllegroConfig::new(version)).expect("a hand");
         vec![hand(1), hand(3), hand(4)]

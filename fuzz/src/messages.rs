@@ -5,7 +5,7 @@ use taxel_wire::{Event, Subscribe};
 
 /// A candump log: as many results as lines at most, and a frame that was read prints as a line that
 /// reads as the same.
-pub(crate) fn candump_line(data: &[u8]) {
+pub fn candump_line(data: &[u8]) {
     let lines = data.split(|b| *b == b'\n').count();
     let mut results = 0;
     for entry in LogReader::new(data).flatten() {
@@ -19,7 +19,7 @@ pub(crate) fn candump_line(data: &[u8]) {
 }
 
 /// A datagram of python-can's `udp_multicast`: a frame that prints as a line that reads as the same, or none.
-pub(crate) fn python_can_datagram(data: &[u8]) {
+pub fn python_can_datagram(data: &[u8]) {
     if let Ok(frame) = taxel_can::decode_python_can(data) {
         let line = format!("(1.000000) can0 {frame}\n");
         let again = LogReader::new(line.as_bytes()).next();
@@ -29,7 +29,7 @@ pub(crate) fn python_can_datagram(data: &[u8]) {
 }
 
 /// A message of the wire format: decoded within the bytes given, alone and as a packet.
-pub(crate) fn wire_decode(data: &[u8]) {
+pub fn wire_decode(data: &[u8]) {
     if let Ok((_, used)) = taxel_wire::decode(data) {
         assert!(used <= data.len());
     }
@@ -37,7 +37,7 @@ pub(crate) fn wire_decode(data: &[u8]) {
 }
 
 /// The text of a SUBSCRIBE and of an EVENT: what is accepted, is accepted again when it is sent on.
-pub(crate) fn subscribe_text(data: &[u8]) {
+pub fn subscribe_text(data: &[u8]) {
     if let Ok(subscribe) = Subscribe::parse(data) {
         let again = Subscribe::from_packet(&subscribe.to_packet());
         assert_eq!(again.expect("what was accepted"), subscribe);
