@@ -5,12 +5,33 @@ use crate::layout::Layout;
 use crate::protocol::Order;
 use crate::protocol::cyskin::recognise::CyskinGuess;
 use crate::protocol::cyskin::setup::{ByteOrder, Checksum, HubIds};
-use crate::protocol::recognised::RecognisedBoard;
+use crate::protocol::recognised::{RecognisedBoard, RecognisedBus};
 use std::collections::BTreeSet;
 use std::fmt::Write;
+use std::sync::LazyLock;
 
 /// Widest image that tiles are laid out in, pixels; a tile that is wider has its own row.
 const WIDTH: usize = 64;
+
+/// Protocol, address and number of taxels of each board, by bus; the buses in ascending order.
+type Boards = Vec<BTreeSet<(&'static str, u8, usize)>>;
+
+/// The built-in hands that have boards.
+static BUILTIN: LazyLock<Vec<(&str, Boards)>> = LazyLock::new(|| {
+    let hands = Layout::builtin_names().filter_map(|name| Some((name, Layout::builtin(name)?)));
+    let hands = hands.map(|(name, layout)| {
+        let mut boards = Boards::new();
+        boards.resize_with(layout.buses.len(), BTreeSet::new);
+        for (_, module, wiring) in layout.boards() {
+            if let Some(of_bus) = boards.get_mut(usize::from(wiring.bus)) {
+                of_bus.insert((wiring.protocol.name(), wiring.board, usize::from(module.taxels)));
+            }
+        }
+        boards.sort();
+        (name, boards)
+    });
+    hands.filter(|(_, boards)| !boards.is_empty()).collect()
+});
 
 impl Recognition {
     /// The text of a layout file for what was recognised, which [`Layout::parse`] accepts as it is;
@@ -46,31 +67,19 @@ impl Recognition {
     /// The built-in hand with the same boards on as many buses, if there is one; its places are
     /// better than guesses.
     pub fn builtin(&self) -> Option<&'static str> {
-        let mut found: Vec<BTreeSet<(&str, u8, usize)>> = self
-            .buses
-            .iter()
-            .filter(|bus| !bus.boards.is_empty())
-            .map(|bus| {
-                let boards = bus.boards.iter();
-                boards
-                    .map(|b| (b.protocol.name(), b.board, b.taxels.len()))
-                    .collect()
-            })
-            .collect();
+        let boards_of = |bus: &RecognisedBus| {
+            let boards = bus.boards.iter();
+            boards
+                .map(|b| (b.protocol.name(), b.board, b.taxels.len()))
+                .collect()
+        };
+        let buses = self.buses.iter().filter(|bus| !bus.boards.is_empty());
+        let mut found: Boards = buses.map(boards_of).collect();
         found.sort();
-        Layout::builtin_names().find(|name| {
-            let Some(layout) = Layout::builtin(name) else {
-                return false;
-            };
-            let mut boards: Vec<BTreeSet<(&str, u8, usize)>> = vec![BTreeSet::new(); layout.buses.len()];
-            for (_, module, wiring) in layout.boards() {
-                if let Some(of_bus) = boards.get_mut(usize::from(wiring.bus)) {
-                    of_bus.insert((wiring.protocol.name(), wiring.board, usize::from(module.taxels)));
-                }
-            }
-            boards.sort();
-            !boards.is_empty() && boards == found
-        })
+        BUILTIN
+            .iter()
+            .find(|(_, boards)| *boards == found)
+            .map(|(name, _)| *name)
     }
 
     fn head(&self, name: &str, named: &[(&str, &[RecognisedBoard])], [width, height]: [usize; 2]) -> String {
