@@ -58,11 +58,19 @@ pub(super) fn motor_lost(joint: usize, name: &str, servo: &ServoState) -> Option
             "A servo does so at a hardware error and where it restarts, and another program may have done it",
         ),
     };
+    let again = match servo.motor_lost? {
+        MotorLost::Restarted | MotorLost::Meddled { .. } => {
+            ", and is switched off again whoever else switches it on"
+        }
+        MotorLost::LeftOn | MotorLost::GoneOff => "",
+    };
     Some(of_joints(
         Kind::MotorLost,
         Place::Joint(joint),
         what,
-        format!("{advice}. It takes no goal until its torque is enabled anew (`taxel servo`, --torque on)"),
+        format!(
+            "{advice}. It takes no goal until its torque is enabled anew (`taxel servo`, --torque on){again}"
+        ),
         format!("the motor of servo {name} is on again, or was told to be off"),
     ))
 }

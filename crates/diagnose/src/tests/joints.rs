@@ -74,7 +74,7 @@ fn a_servo_that_is_silent_late_damaged_hot_or_failed_is_named_with_what_to_do() 
             &[
                 "servo 2 has restarted while its motor was on",
                 "its motor is switched off. Look at its supply",
-                "enabled anew",
+                "enabled anew (`taxel servo`, --torque on), and is switched off again whoever else switches it on",
             ],
             "the motor of servo 2 is on again",
         ),
@@ -110,7 +110,7 @@ fn a_servo_that_is_silent_late_damaged_hot_or_failed_is_named_with_what_to_do() 
             |v| servo(v, 1).motor_lost = None,
             &[
                 "the motor of servo 2 was on and has gone off by itself",
-                "enabled anew",
+                "enabled anew (`taxel servo`, --torque on)",
             ],
             "is on again",
         ),
