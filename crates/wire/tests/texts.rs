@@ -198,6 +198,18 @@ fn the_profile_of_a_subscription_is_checked_and_absent_keys_take_their_defaults(
 }
 
 #[test]
+fn a_number_is_read_as_the_nearest_double_and_is_the_same_when_it_is_sent_on() {
+    for text in [
+        "91.6666666666666666665",
+        "22222222222222222222222722222222222222222222222222",
+    ] {
+        let subscribe = Subscribe::parse(format!("{{\"max_rate_hz\":{text}}}").as_bytes()).unwrap();
+        assert_eq!(subscribe.max_rate_hz, text.parse().ok());
+        assert_eq!(Subscribe::from_packet(&subscribe.to_packet()).unwrap(), subscribe);
+    }
+}
+
+#[test]
 fn an_event_of_any_length_fits_one_packet() {
     for message in ["short".to_owned(), "\u{1}".repeat(9999), "é".repeat(9999)] {
         let packet = Event::new(EventKind::Notice, &message).to_packet(1, 2);
