@@ -235,12 +235,10 @@ impl Subscriber {
             Clock::Realtime => ClockId::CLOCK_REALTIME,
             Clock::Recording | Clock::Unknown => return None,
         };
-        let now = clock_gettime(clock).ok()?;
-        let now_ns = now
-            .tv_sec()
-            .checked_mul(1_000_000_000)?
-            .checked_add(now.tv_nsec())?;
-        now_ns.checked_sub(i64::try_from(header.t_ns).ok()?)
+        let now = Duration::from(clock_gettime(clock).ok()?);
+        i64::try_from(now.as_nanos())
+            .ok()?
+            .checked_sub(i64::try_from(header.t_ns).ok()?)
     }
 
     /// Receives packets until a message is whole; none by the deadline.

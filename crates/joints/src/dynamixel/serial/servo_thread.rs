@@ -194,7 +194,7 @@ impl Thread {
                 return;
             }
             let t = until_ns.min(now + LOOK_NS);
-            let spec = TimeSpec::new((t / 1_000_000_000) as i64, (t % 1_000_000_000) as i64);
+            let spec = TimeSpec::from(Duration::from_nanos(t));
             match clock_nanosleep(
                 ClockId::CLOCK_MONOTONIC,
                 ClockNanosleepFlags::TIMER_ABSTIME,
