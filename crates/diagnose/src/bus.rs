@@ -190,7 +190,8 @@ impl Judge<'_> {
             self.report(
                 Kind::FramesLost,
                 &format!("{lost} frames lost in the kernel because they were taken too late"),
-                "`sysctl net.core.rmem_max=4194304` lets the queue be larger",
+                "the machine was busy, or taxeld stood still, for longer than the queue lasts: less load, or a larger queue \
+                 (`[can] receive_buffer_kib`, and `sysctl net.core.rmem_max`, in bytes, no less than that)",
                 "no more frames lost in the kernel",
             );
         }

@@ -340,7 +340,7 @@ fn errors_on_the_bus_are_told_with_what_to_look_at() {
             "controller-overflow",
             "USB",
         ),
-        (|s| s.lost_in_kernel += 1, "frames-lost", "rmem_max"),
+        (|s| s.lost_in_kernel += 1, "frames-lost", "receive_buffer_kib"),
         (|s| s.send_failures += 1, "cannot-send", "txqueuelen"),
     ];
     for (change, kind, word) in cases {
