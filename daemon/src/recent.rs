@@ -30,13 +30,16 @@ struct Since {
 impl Recent {
     /// Is to be called again and again.
     pub(crate) fn keep(&mut self, now: Instant, snapshot: &Snapshot, roster: &Roster) {
-        self.lateness.keep(now, || of_ticks(&snapshot.lateness_ns));
+        self.lateness
+            .keep(now, || of_ticks(snapshot.lateness_ns.histogram()));
         self.age.keep(now, || of_sent(roster));
     }
 
     pub(crate) fn status(&self, snapshot: &Snapshot, roster: &Roster) -> RecentStatus {
         RecentStatus {
-            lateness_us: self.lateness.quantiles(&of_ticks(&snapshot.lateness_ns)),
+            lateness_us: self
+                .lateness
+                .quantiles(&of_ticks(snapshot.lateness_ns.histogram())),
             age_us: self.age.quantiles(&of_sent(roster)),
         }
     }

@@ -27,13 +27,13 @@ pub(crate) struct Snapshot {
     /// The pipeline's clock at the snapshot, nanoseconds.
     pub(crate) now_ns: u64,
     /// Time from a tick's newest reading until all its images were handed over to subscribers, nanoseconds.
-    pub(crate) latency_ns: Histogram<u64>,
+    pub(crate) latency_ns: Times,
     /// Time from when a tick was due until all its images were handed over to subscribers, nanoseconds.
-    pub(crate) lateness_ns: Histogram<u64>,
+    pub(crate) lateness_ns: Times,
     /// The part of it until the tick thread began with the tick, nanoseconds.
-    pub(crate) jitter_ns: Histogram<u64>,
+    pub(crate) jitter_ns: Times,
     /// The part of it from then on, nanoseconds.
-    pub(crate) duration_ns: Histogram<u64>,
+    pub(crate) duration_ns: Times,
     /// One entry per bus.
     pub(crate) buses: Vec<BusSnapshot>,
     /// Counters of each module's board, in the layout's order.
@@ -79,21 +79,52 @@ pub(crate) struct BusSnapshot {
     pub(crate) load: BusLoad,
 }
 
+/// How long something took, each time.
+#[derive(Debug, Clone)]
+pub(crate) struct Times {
+    histogram: Histogram<u64>,
+    sum_ns: u64,
+}
+
+impl Times {
+    fn new() -> Self {
+        Self {
+            histogram: Histogram::new_with_bounds(1, 10_000_000_000, 2).expect("bounds of a histogram"),
+            sum_ns: 0,
+        }
+    }
+
+    /// Counts one, without allocating.
+    fn record(&mut self, ns: u64) {
+        self.histogram.saturating_record(ns.max(1));
+        self.sum_ns = self.sum_ns.saturating_add(ns);
+    }
+
+    /// All of them, nanoseconds.
+    pub(crate) fn histogram(&self) -> &Histogram<u64> {
+        &self.histogram
+    }
+
+    /// What all of them add up to, microseconds.
+    pub(crate) fn sum_us(&self) -> u64 {
+        self.sum_ns / 1000
+    }
+}
+
 impl Snapshot {
     /// An empty snapshot with all its memory.
     pub(crate) fn new(buses: usize, boards: usize, taxels: usize, joints: usize) -> Self {
         // Up to 10 s at two significant digits; longer times count as 10 s.
-        let histogram = || Histogram::new_with_bounds(1, 10_000_000_000, 2).expect("bounds of a histogram");
         Self {
             written: false,
             images: 0,
             overruns: 0,
             unpublished: 0,
             now_ns: 0,
-            latency_ns: histogram(),
-            lateness_ns: histogram(),
-            jitter_ns: histogram(),
-            duration_ns: histogram(),
+            latency_ns: Times::new(),
+            lateness_ns: Times::new(),
+            jitter_ns: Times::new(),
+            duration_ns: Times::new(),
             buses: vec![BusSnapshot::default(); buses],
             boards: vec![BoardStatus::default(); boards],
             findings: Vec::with_capacity(MOST_FINDINGS),
@@ -119,13 +150,13 @@ impl Snapshot {
     pub(crate) fn record_times(&mut self, newest_ns: u64, due_ns: u64, begun_ns: u64, done_ns: u64) {
         // What came after the thread had begun its round was due later than that.
         let begun_ns = begun_ns.max(due_ns);
-        for (histogram, from_ns, to_ns) in [
+        for (times, from_ns, to_ns) in [
             (&mut self.latency_ns, newest_ns, done_ns),
             (&mut self.lateness_ns, due_ns, done_ns),
             (&mut self.jitter_ns, due_ns, begun_ns),
             (&mut self.duration_ns, begun_ns, done_ns),
         ] {
-            histogram.saturating_record(to_ns.saturating_sub(from_ns).max(1));
+            times.record(to_ns.saturating_sub(from_ns));
         }
     }
 
@@ -171,8 +202,9 @@ mod tests {
         ] {
             snapshot.record_times(due_ns - 400_000, due_ns, begun_ns, done_ns);
         }
-        let all = |histogram: &Histogram<u64>| -> Vec<u64> {
-            histogram
+        let all = |times: &Times| -> Vec<u64> {
+            times
+                .histogram()
                 .iter_recorded()
                 .flat_map(|row| {
                     // Two digits of it are kept.
@@ -185,5 +217,12 @@ mod tests {
         assert_eq!(all(&snapshot.lateness_ns), [100, 100, 600]);
         assert_eq!(all(&snapshot.jitter_ns), [0, 0, 500]);
         assert_eq!(all(&snapshot.duration_ns), [100, 100, 100]);
+        let sums = [
+            &snapshot.latency_ns,
+            &snapshot.lateness_ns,
+            &snapshot.jitter_ns,
+            &snapshot.duration_ns,
+        ];
+        assert_eq!(sums.map(Times::sum_us), [2000, 800, 500, 300]);
     }
 }

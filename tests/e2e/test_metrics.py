@@ -48,6 +48,21 @@ def test_metrics_of_a_running_daemon_are_the_text_format_to_the_letter(start):
     assert families["taxeld_info"].samples[0].labels["layout"]
 
 
+def test_the_parts_of_a_ticks_lateness_add_up_to_it(start):
+    daemon = start()
+    daemon.wait_status(lambda s: s["images"]["made"] > 20, "there are no images")
+    families = text_format(metrics(daemon))
+
+    def sum_us(name):
+        samples = families[name].samples
+        return round(1e6 * next(sample.value for sample in samples if sample.name.endswith("_sum")))
+
+    whole = sum_us("taxeld_image_lateness_seconds")
+    # Each is cut off at a microsecond.
+    assert 0 <= whole - sum_us("taxeld_tick_jitter_seconds") - sum_us("taxeld_tick_duration_seconds") <= 1
+    assert whole > 0
+
+
 def test_a_file_for_node_exporter_is_the_text_format(start, folder):
     daemon, path = start(), folder / "taxeld.prom"
     command = [binary("taxel"), "metrics", "--socket", daemon.control_path, "--textfile", path]

@@ -187,6 +187,7 @@ impl Roster {
             paced: self.images.paced(),
             age_us: self.images.age_us(),
             ages: self.images.ages(),
+            age_sum_us: self.images.age_sum_us(),
             longest_gap_ms: gaps.fold(self.images.longest_gap_ms(), f64::max),
         }
     }

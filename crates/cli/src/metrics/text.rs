@@ -142,19 +142,43 @@ fn images(to: &mut Families, status: &Status) {
         to.counter(name, help, &[], value);
     }
     let latency = "From a tick's newest reading until its images were handed over.";
-    histogram(to, "image_latency_seconds", latency, &images.latencies);
+    histogram(
+        to,
+        "image_latency_seconds",
+        latency,
+        &images.latencies,
+        images.latency_sum_us,
+    );
     let lateness = "From when a tick was due until its images were handed over.";
-    histogram(to, "image_lateness_seconds", lateness, &images.latenesses);
+    histogram(
+        to,
+        "image_lateness_seconds",
+        lateness,
+        &images.latenesses,
+        images.lateness_sum_us,
+    );
     let jitter = "From when a tick was due until the daemon began with it: its jitter.";
-    histogram(to, "tick_jitter_seconds", jitter, &images.jitters);
+    histogram(
+        to,
+        "tick_jitter_seconds",
+        jitter,
+        &images.jitters,
+        images.jitter_sum_us,
+    );
     let duration = "From when the daemon began with a tick until its images were handed over.";
-    histogram(to, "tick_duration_seconds", duration, &images.durations);
+    histogram(
+        to,
+        "tick_duration_seconds",
+        duration,
+        &images.durations,
+        images.duration_sum_us,
+    );
     let age = "From when an image was due until it was sent.";
-    histogram(to, "image_age_seconds", age, &sent.ages);
+    histogram(to, "image_age_seconds", age, &sent.ages, sent.age_sum_us);
 }
 
 /// Microseconds as a histogram in seconds. Rows come and go as times are seen, so buckets are few and fixed.
-fn histogram(to: &mut Families, name: &str, help: &'static str, rows: &[(u64, u64)]) {
+fn histogram(to: &mut Families, name: &str, help: &'static str, rows: &[(u64, u64)], sum_us: u64) {
     let mut sample = |suffix: &str, labels: &Labels<'_>, value: &str| {
         to.sample(name, Kind::Histogram, help, suffix, labels, value);
     };
@@ -173,9 +197,7 @@ fn histogram(to: &mut Families, name: &str, help: &'static str, rows: &[(u64, u6
     let all = up_to(u64::MAX).to_string();
     sample("_bucket", &[("le", "+Inf")], &all);
     sample("_count", &[], &all);
-    // Of each row only the bound is known.
-    let sum = rows.iter().map(|(us, n)| *us as f64 * *n as f64).sum::<f64>() / 1e6;
-    sample("_sum", &[], &number(sum));
+    sample("_sum", &[], &number(sum_us as f64 / 1e6));
 }
 
 fn problems(to: &mut Families, status: &Status) {

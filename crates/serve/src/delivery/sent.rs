@@ -27,6 +27,7 @@ pub(crate) struct Sent {
     /// How old messages were when they were sent.
     ages: [AtomicU64; STEPS * OCTAVES],
     oldest_us: AtomicU64,
+    ages_us: AtomicU64,
     /// The tick up to which messages are counted.
     counted: AtomicU64,
     since: Instant,
@@ -46,6 +47,7 @@ impl Default for Sent {
             paced: AtomicU64::default(),
             ages: [const { AtomicU64::new(0) }; STEPS * OCTAVES],
             oldest_us: AtomicU64::default(),
+            ages_us: AtomicU64::default(),
             counted: AtomicU64::new(NONE_ASKED),
             since: Instant::now(),
             asked_us: AtomicU64::default(),
@@ -107,6 +109,7 @@ impl Sent {
             counts.sent.fetch_add(1, Relaxed);
             counts.ages[step_of(age_us)].fetch_add(1, Relaxed);
             counts.oldest_us.fetch_max(age_us, Relaxed);
+            counts.ages_us.fetch_add(age_us, Relaxed);
         }
     }
 
@@ -156,6 +159,11 @@ impl Sent {
             .filter(|(_, count)| *count > 0)
             .map(|(step, count)| (end_of(step) as u64, count))
             .collect()
+    }
+
+    /// What the ages of all messages add up to, microseconds.
+    pub(crate) fn age_sum_us(&self) -> u64 {
+        self.ages_us.load(Relaxed)
     }
 
     /// How old messages were when they were sent, microseconds; zeros where none was.
@@ -240,6 +248,7 @@ mod tests {
         let ages = sent.ages();
         assert_eq!(ages.iter().map(|(_, count)| count).sum::<u64>(), 1000);
         assert_eq!((ages.len(), ages[0].1), (3, 998), "{ages:?}");
+        assert_eq!((sent.age_sum_us(), all.age_sum_us()), (1_108_000, 1_108_000));
         assert_eq!((sent.sent(), sent.skipped()), (1000, 3));
         assert_eq!(sent.longest_gap_ms(), 502.0);
         assert_eq!((all.age_us(), all.longest_gap_ms()), (age, 502.0));

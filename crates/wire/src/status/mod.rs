@@ -102,19 +102,27 @@ report! {
         /// The same as a histogram, of which differences can be taken: rows of microseconds and the ticks that took
         /// up to that and more than the row before.
         latencies: Vec<(u64, u64)>,
+        /// What all of them add up to, microseconds.
+        latency_sum_us: u64,
         /// From when a tick was due until its images were handed over to the thread that sends
         /// them, microseconds.
         lateness_us: QuantileStatus,
         /// The same as a histogram, as `latencies`.
         latenesses: Vec<(u64, u64)>,
+        /// What all of them add up to, microseconds.
+        lateness_sum_us: u64,
         /// The jitter of the tick: the part of its lateness until the tick thread began with it, microseconds.
         jitter_us: QuantileStatus,
         /// The same as a histogram, as `latencies`.
         jitters: Vec<(u64, u64)>,
+        /// What all of them add up to, microseconds.
+        jitter_sum_us: u64,
         /// The part of a tick's lateness from then on, which is what its images take, microseconds.
         duration_us: QuantileStatus,
         /// The same as a histogram, as `latencies`.
         durations: Vec<(u64, u64)>,
+        /// What all of them add up to, microseconds.
+        duration_sum_us: u64,
         /// What became of them after that, for all subscribers together.
         sent: SentStatus,
         /// How long it took in the last half to whole minute.
@@ -145,6 +153,8 @@ report! {
         /// The same as a histogram, of which differences can be taken: rows of an age in microseconds
         /// and the images up to that age and above that of the row before.
         ages: Vec<(u64, u64)>,
+        /// What all of them add up to, microseconds.
+        age_sum_us: u64,
         /// The longest that one of them was without an image between two, milliseconds; those that go on included.
         longest_gap_ms: f64,
     }
