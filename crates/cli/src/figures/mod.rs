@@ -1,6 +1,7 @@
 //! `taxel figures`: the first publication's figures of one's own recordings.
 
 mod instants;
+mod names;
 mod overview;
 mod take;
 mod time_course;
@@ -76,7 +77,7 @@ pub(crate) fn run(args: &Args) -> anyhow::Result<()> {
             paths.len()
         )));
     }
-    let names = names(&paths, args.offline.input.array());
+    let names = names::names(&paths, args.offline.input.array());
     if let ([path], [name]) = (&paths[..], &names[..]) {
         let take = args.touched(path, name)?;
         let by_paper = args.by_paper(path, &take)?;
@@ -224,44 +225,4 @@ fn recordings_of(folder: &Path) -> anyhow::Result<Vec<PathBuf>> {
     }
     paths.sort();
     Ok(paths)
-}
-
-/// What recordings are called in figures and file names: the name without folder and ending, that of an .npz with its
-/// array where one is named; numbered where two are the same.
-fn names(paths: &[PathBuf], array: Option<&str>) -> Vec<String> {
-    let mut names: Vec<String> = Vec::new();
-    for path in paths {
-        let text = path.to_str().unwrap_or("recording");
-        let path = Path::new(text.strip_prefix("sim:").unwrap_or(text));
-        let stem = path.file_stem().and_then(|stem| stem.to_str());
-        let is_npz = FileKind::of(path) == Some(FileKind::Npz);
-        let stem = match (stem.unwrap_or("recording"), array.filter(|_| is_npz)) {
-            // An array may be in a folder of the archive.
-            (stem, Some(array)) => format!("{stem}-{}", array.replace('/', "-")),
-            (stem, None) => stem.to_owned(),
-        };
-        let same = |name: &String| names.contains(name);
-        let mut name = stem.clone();
-        for number in 2.. {
-            if !same(&name) {
-                break;
-            }
-            name = format!("{stem}-{number}");
-        }
-        names.push(name);
-    }
-    names
-}
-
-#[cfg(test)]
-mod tests {
-    use super::*;
-
-    #[test]
-    fn every_recording_has_a_name_of_its_own() {
-        let paths = ["a/grasp.csv", "sim:tap", "b/grasp.npz", "sim:scenes/own.toml"].map(PathBuf::from);
-        assert_eq!(names(&paths, None), ["grasp", "tap", "grasp-2", "own"]);
-        let of_array = ["grasp", "tap", "grasp-BALL-1", "own"];
-        assert_eq!(names(&paths, Some("BALL/1")), of_array);
-    }
 }
