@@ -8,6 +8,7 @@ use std::fs::File;
 use std::io::{BufRead, BufReader};
 use std::path::Path;
 use std::sync::Arc;
+use taxel_hand::shell_word;
 
 /// What an MCAP file begins with.
 const MCAP: &[u8] = b"\x89MCAP";
@@ -50,8 +51,8 @@ impl LogSource {
             return Err(OpenError::Refused(format!(
                 "{} is an MCAP recording, and a bus is played from a candump log: `taxel convert {} {}` makes one of it",
                 path.display(),
-                path.display(),
-                path.with_extension("log").display()
+                shell_word(path.display()),
+                shell_word(path.with_extension("log").display())
             )));
         }
         let mut source = Self {

@@ -6,6 +6,7 @@ use serde_json::json;
 use std::io::Read;
 use std::path::{Path, PathBuf};
 use taxel_can::SourceAddress;
+use taxel_hand::shell_word;
 use taxel_playback::output_file::{OutputFile, refuse_existing};
 use taxel_sim::with_stand_in_boards;
 use taxel_skin::Layout;
@@ -158,8 +159,9 @@ fn init(name: &str, sources: &[SourceAddress]) -> anyhow::Result<String> {
         // What is too great for simulated boards is said to be a pressure array's.
         with_stand_in_boards(&layout).with_context(|| format!("layout {name} has no buses to read"))?;
         bail!(
-            "layout {name} has no buses, so there is nothing to read; `taxel sim roll --layout {name} --show` prints it \
-             with simulated boards"
+            "layout {name} has no buses, so there is nothing to read; `taxel sim roll --layout {} --show` prints it with \
+             simulated boards",
+            shell_word(name)
         );
     }
     anyhow::ensure!(

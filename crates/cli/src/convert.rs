@@ -10,7 +10,7 @@ use serde_json::json;
 use std::io::Write;
 use std::path::{Path, PathBuf};
 use taxel_engine::TickMode;
-use taxel_hand::{Freshness, TactileFrame};
+use taxel_hand::{Freshness, TactileFrame, shell_word};
 use taxel_playback::array_frames::{ArrayFrames, is_of_arrays};
 use taxel_playback::fitted;
 use taxel_playback::image_output::{ImageOutput, OutputFormat};
@@ -205,9 +205,10 @@ fn traffic(args: &Args, input: &Input, output: &mut TrafficOutput, check: &Check
             &[Topic::Frames, Topic::Images, Topic::Events][..]
         }
         Input::Scene(scene) => bail!(
-            "sim:{0} is a scene, not a recording; `taxel sim {0} --to log:{1}` writes its traffic",
+            "sim:{} is a scene, not a recording; `taxel sim {} --to {}` writes its traffic",
             scene.name(),
-            args.out.with_extension("log").display()
+            shell_word(scene.name()),
+            shell_word(format!("log:{}", args.out.with_extension("log").display()))
         ),
         Input::Frames(recording) => {
             let layout = args.offline.hand(DEFAULT_LAYOUT)?;

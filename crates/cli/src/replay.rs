@@ -7,6 +7,7 @@ use anyhow::{anyhow, bail};
 use std::ops::Range;
 use std::path::{Path, PathBuf};
 use taxel_can::SourceAddress;
+use taxel_hand::shell_word;
 use taxel_playback::array_frames::{ARRAY_LAYOUT, ArrayFrames, is_of_arrays};
 use taxel_playback::output_file::refuse_overlap;
 use taxel_playback::player::{LEAST_SPEED, Played, Player};
@@ -103,8 +104,9 @@ fn play(args: &Args) -> anyhow::Result<Played> {
             player.play_traffic(&traffic, Some(&names))
         }
         Input::Scene(scene) => bail!(
-            "sim:{0} is a scene, not a recording; `taxel sim {0} --to SOURCE` plays it",
-            scene.name()
+            "sim:{} is a scene, not a recording; `taxel sim {} --to SOURCE` plays it",
+            scene.name(),
+            shell_word(scene.name())
         ),
         Input::Frames(recording) => {
             let joints = recording.joints(0).len();

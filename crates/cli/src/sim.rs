@@ -13,7 +13,7 @@ use serde_json::{Value, json};
 use std::path::{Path, PathBuf};
 use std::time::{Duration, Instant};
 use taxel_can::Received;
-use taxel_hand::did_you_mean;
+use taxel_hand::{did_you_mean, shell_word};
 use taxel_playback::interrupt::Interrupt;
 use taxel_playback::target::{TargetAddress, Targets, of_buses, refuse_shared_ids};
 use taxel_sim::servo::{SERVO_BAUD, ServoBus, ServoPty, StableLink, servo_clock_ns, servos_of_scene};
@@ -163,9 +163,11 @@ fn play_scene(args: &Args, name: &str, limit_ns: Option<u64>) -> anyhow::Result<
     let layout = with_stand_in_boards(&named)?;
     if named.buses.is_empty() {
         say!(
-            "{0} has no boards on a bus; simulated ones stand in for them. Their layout file for who reads the bus: \
-             taxel sim {name} --layout {0} --show",
-            named.name
+            "{} has no boards on a bus; simulated ones stand in for them. Their layout file for who reads the bus: taxel sim {} \
+             --layout {} --show",
+            named.name,
+            shell_word(name),
+            shell_word(&named.name)
         );
     }
     let seed = args.seed.unwrap_or(scene.seed());

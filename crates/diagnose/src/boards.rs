@@ -9,6 +9,7 @@ use crate::traffic::{hub_speaks, speaks_on};
 use crate::view::{BusView, Look, Starting};
 use std::collections::VecDeque;
 use taxel_can::{BusState, LinkState, SourceAddress};
+use taxel_hand::shell_word;
 use taxel_skin::{BoardState, BoardStatus, Finding, Layout};
 
 /// A board that falls silent this many times within this long is unsteady, until it was steady for a while.
@@ -296,7 +297,7 @@ fn foreign_bus(look: &Look<'_>, bus: usize) -> Problem {
         Starting::Repeated => " --start",
         Starting::ByOthers | Starting::NotAllowed => "",
     };
-    let (name, source) = (&layout.buses[bus], &look.setup.sources[bus]);
+    let (name, source) = (&layout.buses[bus], shell_word(&look.setup.sources[bus]));
     Problem::new(
         Kind::BusSilent,
         Place::Bus(bus),

@@ -4,6 +4,7 @@ use crate::kind::Kind;
 use crate::names::{is_of_board, modules_name};
 use crate::problem::{Place, Problem, of_board, place_of_board};
 use crate::view::Look;
+use taxel_hand::shell_word;
 
 /// How many of a board are worth a sentence, within the time looked at, and as which share (one in so many) of these and its
 /// readings. It is over where they are less than half as many.
@@ -122,7 +123,7 @@ fn words(look: &Look<'_>, came: &Came) -> (String, String) {
             format!(
                 "check `protocol` in the layout (`taxel doctor --scan {}` recognises boards), the firmware, and that nobody \
                  else sends with these ids",
-                look.setup.sources[usize::from(wiring.bus)]
+                shell_word(&look.setup.sources[usize::from(wiring.bus)])
             ),
         ),
         false => (

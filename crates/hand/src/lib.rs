@@ -13,6 +13,7 @@ mod pose;
 mod profile;
 mod profile_error;
 mod settings;
+mod shell_word;
 
 pub use frame::{FORCE_MAX, FORCE_MIN, Fault, Faults, ForceFrame, Freshness, TactileFrame};
 pub use geometry::{Geometry, GeometryError, MAX_MODULES, MAX_PIXELS, MAX_TAXELS, Module, Taxel};
@@ -26,6 +27,7 @@ pub use profile_error::ProfileError;
 pub use settings::{
     FromMap, RangeError, Whole, WholeList, check_range, closest, did_you_mean, plain_words, why_no_name,
 };
+pub use shell_word::shell_word;
 
 /// The examples of the README compile, and those that can run do.
 #[cfg(doctest)]

@@ -9,6 +9,7 @@ use csv::{ByteRecord, Reader, ReaderBuilder, Terminator};
 use std::fs::File;
 use std::io::{self, BufRead, BufReader, Read, Take};
 use std::path::Path;
+use taxel_hand::shell_word;
 
 /// What some spreadsheets begin a file with.
 const BYTE_ORDER_MARK: &[u8] = "\u{feff}".as_bytes();
@@ -470,11 +471,13 @@ fn refuse_log_of_python_can(header: &ByteRecord, path: &Path) -> Result<(), Stri
     if header.iter().take(2).ne([&b"timestamp"[..], b"arbitration_id"]) {
         return Ok(());
     }
-    let (file, log) = (path.display(), path.with_extension("log"));
+    let (file, log) = (
+        shell_word(path.display()),
+        shell_word(path.with_extension("log").display()),
+    );
     Err(format!(
-        "a log of CAN frames, as python-can writes them, and no table of numbers; `can_logconvert {file} {}` of python-can \
-         makes a .log of it",
-        log.display()
+        "a log of CAN frames, as python-can writes them, and no table of numbers; `can_logconvert {file} {log}` of python-can \
+         makes a .log of it"
     ))
 }
 

@@ -7,6 +7,7 @@ use crate::numpy::{npy, npz};
 use crate::recording::Recording;
 use crate::table::{RATES_HZ, ReadOptions, Void};
 use std::path::Path;
+use taxel_hand::shell_word;
 
 impl Recording {
     /// Reads the recording of a `.npy`, `.npz` or `.csv` file.
@@ -39,8 +40,8 @@ impl Recording {
             Some(FileKind::Mcap) => {
                 return refused(format!(
                     "an .mcap holds more than tactile frames; `taxel convert {} {}` makes frames of it",
-                    path.display(),
-                    path.with_extension("npz").display()
+                    shell_word(path.display()),
+                    shell_word(path.with_extension("npz").display())
                 ));
             }
             None if path.is_dir() => {
@@ -69,7 +70,7 @@ impl Recording {
 
 /// How a recording is made of a file of another kind that people have.
 fn made_of(extension: &str, path: &Path) -> Option<String> {
-    let (file, log) = (path.display(), path.with_extension("log"));
+    let file = shell_word(path.display());
     let unpacked = |program: &str| {
         Some(format!(
             "`{program} {file} | taxel COMMAND -` reads what is packed in it"
@@ -77,7 +78,7 @@ fn made_of(extension: &str, path: &Path) -> Option<String> {
     };
     match extension {
         "blf" | "asc" | "trc" | "db" | "mf4" => {
-            let log = log.display();
+            let log = shell_word(path.with_extension("log").display());
             Some(format!(
                 "`can_logconvert {file} {log}` of python-can makes a .log of it"
             ))

@@ -7,6 +7,7 @@ use std::fs;
 use std::io;
 use std::os::unix::fs::MetadataExt;
 use std::path::{Path, PathBuf};
+use taxel_hand::shell_word;
 
 /// Why a folder `/tmp/taxeld-UID` is not to be trusted. The message says what to do.
 #[derive(Debug, thiserror::Error)]
@@ -26,7 +27,7 @@ pub enum UntrustedFolder {
     #[error(
         "{} can be written by others (mode {mode:04o}), who can put a socket of their own there; `chmod 0755 {}`, if \
          what is in it is yours",
-        folder.display(), folder.display()
+        folder.display(), shell_word(folder.display())
     )]
     Writable {
         /// The folder.

@@ -7,7 +7,7 @@ use anyhow::{Context, anyhow, bail, ensure};
 use std::path::{Path, PathBuf};
 use taxel_can::Received;
 use taxel_engine::{Engine, Frames, TickMode};
-use taxel_hand::plural;
+use taxel_hand::{plural, shell_word};
 use taxel_playback::{recorded, stand_in};
 use taxel_record::{FileKind, Frames as Recorded, ReadOptions, Recording};
 use taxel_sequence::{
@@ -230,10 +230,11 @@ pub(super) fn taken_for(
 pub(super) fn open(path: &Path, options: &ReadOptions) -> anyhow::Result<Recording> {
     match FileKind::of(path) {
         Some(FileKind::Log) => bail!(
-            "{0}: a candump .log holds CAN traffic, not tactile frames; `taxel convert {0} {1}` makes frames of it, with \
-             --config FILE those of your hand",
+            "{}: a candump .log holds CAN traffic, not tactile frames; `taxel convert {} {}` makes frames of it, with --config \
+             FILE those of your hand",
             path.display(),
-            path.with_extension("npz").display()
+            shell_word(path.display()),
+            shell_word(path.with_extension("npz").display())
         ),
         Some(FileKind::Mcap) => recorded::frames(path),
         _ => Ok(Recording::open(path, options)?),

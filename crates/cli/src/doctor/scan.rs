@@ -9,7 +9,7 @@ use serde_json::json;
 use std::io::{self, Write};
 use std::path::Path;
 use taxel_can::{LinkState, LogSource, Received, SourceAddress, id_text};
-use taxel_hand::plural;
+use taxel_hand::{plural, shell_word};
 use taxel_playback::interrupt::Interrupt;
 use taxel_playback::output_file::OutputFile;
 use taxel_playback::stand_in::as_named;
@@ -244,7 +244,7 @@ fn tell(scan: &Scan<'_>, buses: &[Bus], found: &Recognition, asked: Option<&Aske
         (Some(_), Some(path)) => said.push(format!(
             "{} is written. Its comments say what is guessed; then try: taxel doctor --layout {} {}",
             path.display(),
-            path.display(),
+            shell_word(path.display()),
             sources(buses, found)
         )),
         (Some(_), None) => {}
@@ -264,7 +264,7 @@ fn sources(buses: &[Bus], found: &Recognition) -> String {
         .iter()
         .zip(&found.buses)
         .filter(|(_, found)| !found.boards.is_empty());
-    let sources: Vec<String> = with_boards.map(|(bus, _)| bus.source.to_string()).collect();
+    let sources: Vec<String> = with_boards.map(|(bus, _)| shell_word(&bus.source)).collect();
     sources.join(" ")
 }
 

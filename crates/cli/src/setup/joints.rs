@@ -6,7 +6,7 @@ use anyhow::bail;
 use std::fmt::Display;
 use std::path::{Path, PathBuf};
 use taxel_can::SourceAddress;
-use taxel_hand::{plural, why_no_name};
+use taxel_hand::{plural, shell_word, why_no_name};
 use taxel_joints::registers::Model;
 use taxel_joints::{JointSource, JointSourceError};
 
@@ -178,8 +178,9 @@ fn servos(port: &Path) -> anyhow::Result<Table> {
         });
     }
     bail!(
-        "{}: no servo answers at any usual bit rate; `taxel doctor --joints dynamixel:{0} --ids 1` says what may be wrong",
-        port.display()
+        "{}: no servo answers at any usual bit rate; `taxel doctor --joints {} --ids 1` says what may be wrong",
+        port.display(),
+        shell_word(format!("dynamixel:{}", port.display()))
     )
 }
 

@@ -7,6 +7,7 @@ use anyhow::{Context, bail};
 use serde_json::{Value, json};
 use std::path::{Path, PathBuf};
 use taxel_can::SourceAddress;
+use taxel_hand::shell_word;
 use taxel_playback::output_file::{OutputFile, place};
 use taxel_skin::Layout;
 use taxeld::Config;
@@ -154,12 +155,13 @@ impl Outcome {
 
     /// The commands that start the daemon, now and for good.
     pub(super) fn next_steps(&self, hand: &Hand) {
-        let config = self.config_path.display();
+        let config = shell_word(self.config_path.display());
         say!("\nTry it:\n    taxeld --config {config}\n    taxel view");
         say!("As a service, with the package installed:");
         if let Some(layout) = &self.layout {
-            let (path, name) = (layout.path.display(), layout.name());
-            say!("    sudo install -m 644 {path} /etc/taxeld/{name}");
+            let (path, installed) = (layout.path.display(), format!("/etc/taxeld/{}", layout.name()));
+            let (path, installed) = (shell_word(path), shell_word(installed));
+            say!("    sudo install -m 644 {path} {installed}");
         }
         say!("    sudo install -m 644 {config} /etc/taxeld/taxeld.toml");
         say!("    sudo systemctl enable --now taxeld");

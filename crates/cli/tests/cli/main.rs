@@ -2,6 +2,7 @@
 
 mod advice;
 mod advice_on_columns;
+mod advised_commands;
 mod begun_in_a_touch;
 mod categorize;
 mod categorize_clocks;

@@ -3,6 +3,7 @@
 use super::of_joints;
 use crate::kind::Kind;
 use crate::problem::{Place, Problem};
+use taxel_hand::shell_word;
 use taxel_joints::bus::wire_ns;
 use taxel_joints::{DynamixelConfig, PortStatus};
 
@@ -74,7 +75,7 @@ pub(super) fn shared(port: &PortStatus, now_ns: u64) -> Option<Problem> {
         format!(
             "another program reads {path} and takes the servos' answers, so that angles are missing and no motor can be trusted"
         ),
-        format!("end it: `fuser -v {path}` tells which"),
+        format!("end it: `fuser -v {}` tells which", shell_word(&path)),
         format!("no other program reads {path} any more"),
     );
     (now_ns.saturating_sub(taken_ns) < SHARED_NS).then_some(problem)

@@ -5,6 +5,7 @@ use super::{Judge, Patience, of_joints, port as of_port};
 use crate::kind::Kind;
 use crate::problem::{Place, Problem};
 use std::ops::ControlFlow;
+use taxel_hand::shell_word;
 use taxel_joints::bus::{ServoCounters, ServoState};
 use taxel_joints::protocol2::StatusError;
 use taxel_joints::{DynamixelConfig, JointSource, PortState, PortStatus, ServoConfig, ServoSnapshot};
@@ -449,7 +450,8 @@ pub fn missing_servos(source: &str, baud: u32) -> Problem {
         Place::Joints,
         "no servo answers".into(),
         format!(
-            "check their supply and the cable, and that they are set to baud = {baud} (`taxel doctor --joints {source}` looks for others). They are asked again twice a second"
+            "check their supply and the cable, and that they are set to baud = {baud} (`taxel doctor --joints {}` looks for others). They are asked again twice a second",
+            shell_word(source)
         ),
         "servos answer".into(),
     )

@@ -9,7 +9,7 @@ use std::collections::BTreeSet;
 use std::path::Path;
 use taxel_can::id_text;
 use taxel_config::Config;
-use taxel_hand::plural;
+use taxel_hand::{plural, shell_word};
 use taxel_skin::{Layout, Readings};
 
 /// A log of which more than one frame of so many is of nobody may be another device's.
@@ -252,7 +252,7 @@ impl Survey<'_> {
     fn as_options(&self, interfaces: &[usize], buses: &[usize]) -> String {
         let option = |(place, bus): (&usize, &usize)| {
             let (name, bus) = (&self.heard[*place].name, &self.layout.buses[*bus]);
-            format!("--interface {name}={bus}")
+            format!("--interface {}", shell_word(format!("{name}={bus}")))
         };
         let options: Vec<String> = interfaces.iter().zip(buses).map(option).collect();
         options.join(" ")
@@ -388,13 +388,16 @@ impl Survey<'_> {
 
     /// The command that looks at whose frames these are.
     fn scan_command(&self) -> String {
-        let path = self.path.display();
+        let scan = |log: &Path| {
+            let source = format!("log:{}", log.display());
+            format!("`taxel doctor --scan {}`", shell_word(source))
+        };
         match self.scan {
-            true => format!("`taxel doctor --scan log:{path}`"),
+            true => scan(&self.path),
             false => {
                 let log = self.path.with_extension("log");
-                let log = log.display();
-                format!("behind `taxel convert {path} {log}`, `taxel doctor --scan log:{log}`")
+                let (path, of_log) = (shell_word(self.path.display()), shell_word(log.display()));
+                format!("behind `taxel convert {path} {of_log}`, {}", scan(&log))
             }
         }
     }

@@ -3,7 +3,7 @@
 use super::head::Head;
 use anyhow::bail;
 use std::path::Path;
-use taxel_hand::{TactileImage, plural};
+use taxel_hand::{TactileImage, plural, shell_word};
 use taxel_record::Recording;
 use taxel_recorder::{
     Item, RecordedFrame, RecordingReader, Topic, event_name, read_event, read_image, read_text,
@@ -20,8 +20,8 @@ pub fn frames(path: &Path) -> anyhow::Result<Recording> {
         Ok(match Head::read(path)?.has_can {
             true => format!(
                 "no tactile frames of a daemon in it; of CAN traffic `taxel convert {} {}` makes some",
-                path.display(),
-                path.with_extension("npz").display()
+                shell_word(path.display()),
+                shell_word(path.with_extension("npz").display())
             ),
             false => "no tactile frames of a daemon and no CAN traffic in it".into(),
         })
@@ -294,7 +294,8 @@ fn mark_text(data: &[u8]) -> Option<&str> {
 /// How what is behind this time is read.
 pub(crate) fn rest(name: &str, from_ns: u64) -> String {
     format!(
-        "; `mcap filter {name} -o rest.mcap --start {from_ns} --output-compression lz4` takes out the rest"
+        "; `mcap filter {} -o rest.mcap --start {from_ns} --output-compression lz4` takes out the rest",
+        shell_word(name)
     )
 }
 

@@ -12,7 +12,7 @@ use super::picture;
 use std::collections::BTreeMap;
 use taxel_can::{CanFrame, LinkState, SourceCounters};
 use taxel_diagnose::{BusView, Kind, Place, Problem, Starting, board_name};
-use taxel_hand::Faults;
+use taxel_hand::{Faults, shell_word};
 use taxel_skin::{BoardStatus, BoardsConfig, DiscoveryReport, Finding, Layout};
 
 const AREA: &str = "hand";
@@ -52,7 +52,7 @@ impl BusFacts {
     /// The command that tells which boards are on the bus. Those that the doctor has started are silent again by then.
     fn scan(&self) -> String {
         let start = if self.spoken_to { " --start" } else { "" };
-        format!("taxel doctor --scan{start} {}", self.source)
+        format!("taxel doctor --scan{start} {}", shell_word(&self.source))
     }
 
     /// The bus as the judges of problems are told of it.
