@@ -62,6 +62,18 @@ enum Kind {
     Float,
 }
 
+/// What mends times that begin before 0.
+pub(crate) const FROM_0: &str = "; times begin at 0 or later: t - t.min()";
+/// Units of numpy's `datetime64` and `timedelta64` that are read as times, as they end their notation, and their nanoseconds.
+const DATETIME_UNITS: [(&str, u64); 4] = [
+    ("s]", 1_000_000_000),
+    ("ms]", 1_000_000),
+    ("us]", 1000),
+    ("ns]", 1),
+];
+/// What numpy keeps for a time that is none, `NaT`.
+const NOT_A_TIME: u64 = 1 << 63;
+
 /// numpy's notation of the numbers that are read, without the byte order, and their names.
 const ELEMENTS: [(&str, &str, Kind); 12] = [
     ("b1", "bool", Kind::Bool),
@@ -83,9 +95,14 @@ impl Element {
         let descriptor = header.descriptor.as_deref()?;
         let notation = descriptor.get(1..)?;
         let (_, _, kind) = ELEMENTS.iter().find(|(n, ..)| *n == notation)?;
+        Self::of_bytes(descriptor, *kind, usize::from(notation.as_bytes()[1] - b'0'))
+    }
+
+    /// So many bytes in the order that a descriptor begins with.
+    fn of_bytes(descriptor: &str, kind: Kind, bytes: usize) -> Option<Self> {
         Some(Self {
-            kind: *kind,
-            bytes: usize::from(notation.as_bytes()[1] - b'0'),
+            kind,
+            bytes,
             big_endian: match descriptor.as_bytes()[0] {
                 b'<' | b'|' => false,
                 b'>' => true,
@@ -249,12 +266,28 @@ impl<R: Read> Array<R> {
         })
     }
 
+    /// numpy's times of a unit of their own, and the nanoseconds of one.
+    fn datetimes(&self) -> Option<(Element, u64)> {
+        let descriptor = self.header.descriptor.as_deref()?;
+        let notation = descriptor.get(1..)?;
+        let of_unit = notation
+            .strip_prefix("M8[")
+            .or_else(|| notation.strip_prefix("m8["))?;
+        let (_, unit_ns) = DATETIME_UNITS.iter().find(|(unit, _)| of_unit == *unit)?;
+        Some((Element::of_bytes(descriptor, Kind::Signed, 8)?, *unit_ns))
+    }
+
+    /// Whether its elements are times of a unit of their own.
+    pub(crate) fn has_datetimes(&self) -> bool {
+        self.datetimes().is_some()
+    }
+
     /// Its numbers as times, nanoseconds.
     pub(crate) fn times(mut self) -> Result<Vec<u64>, RecordError> {
         let whole = self
             .element
             .filter(|e| e.bytes == 8 && matches!(e.kind, Kind::Unsigned | Kind::Signed));
-        let Some(element) = whole else {
+        let Some((element, unit_ns)) = whole.map(|element| (element, 1)).or_else(|| self.datetimes()) else {
             let dtype = self.dtype();
             let made = match dtype.get(..2) {
                 Some("M8") => "t.astype(\"datetime64[ns]\").astype(\"int64\")",
@@ -270,14 +303,20 @@ impl<R: Read> Array<R> {
         };
         let mut times = Vec::new();
         self.read(element, &mut times, |bytes| element.bits(bytes))?;
-        let negative = |time: &&u64| element.kind == Kind::Signed && **time > i64::MAX as u64;
-        match times.iter().find(negative) {
-            Some(time) => Err(RecordError::unreadable(
-                &self.at,
-                format!("time {} is negative", *time as i64),
-            )),
-            None => Ok(times),
+        for (frame, time) in times.iter_mut().enumerate() {
+            let is_negative = element.kind == Kind::Signed && *time > i64::MAX as u64;
+            let reason = match time.checked_mul(unit_ns).filter(|_| !is_negative) {
+                Some(time_ns) => {
+                    *time = time_ns;
+                    continue;
+                }
+                None if !is_negative => format!("time {time} is beyond what nanoseconds of 64 bits hold"),
+                None if *time == NOT_A_TIME && whole.is_none() => format!("frame {frame} has no time (NaT)"),
+                None => format!("time {} is negative{FROM_0}", *time as i64),
+            };
+            return Err(RecordError::unreadable(&self.at, reason));
         }
+        Ok(times)
     }
 
     /// Reads exactly what the header promises. Memory is taken for no more than [`MAX_NUMBERS`].

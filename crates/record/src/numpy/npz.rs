@@ -1,6 +1,6 @@
 //! Arrays of numpy's `.npz`: a zip archive of npy files.
 
-use super::npy::Array;
+use super::npy::{Array, FROM_0};
 use crate::clock_name::ClockName;
 use crate::error::{RecordError, show_shape};
 use crate::meaning::Meaning;
@@ -26,7 +26,7 @@ pub(crate) fn read(path: &Path, options: &ReadOptions) -> Result<Table, RecordEr
         _ => None,
     };
     let times = npz.called_times(options.array.as_deref());
-    let is_time = |name: &String| times.iter().any(|(time, _)| time == name);
+    let is_time = |name: &String| times.iter().any(|time| time.name == *name);
     let frames: Vec<&String> = (npz.names.iter())
         .filter(|n| !is_time(n) && Some(*n) != mask)
         .collect();
@@ -44,7 +44,7 @@ pub(crate) fn read(path: &Path, options: &ReadOptions) -> Result<Table, RecordEr
         (None, []) => {
             let but = times
                 .first()
-                .map_or_else(String::new, |(time, _)| format!(" but {time}"));
+                .map_or_else(String::new, |time| format!(" but {}", time.name));
             return Err(unreadable(path, &format!("it holds no array{but}")));
         }
         (None, _) => {
@@ -60,10 +60,11 @@ pub(crate) fn read(path: &Path, options: &ReadOptions) -> Result<Table, RecordEr
     let meaning = Meaning::of(&at, &shape, None, options)?;
     let is_half = array.is_half();
     let values = array.numbers()?;
-    let how_unfit =
-        |(time, length): &&(String, Option<usize>)| (*length != Some(shape[0]), unit_of_name(time).is_none());
+    let how_unfit = |time: &&CalledTime| (time.length != Some(shape[0]), !time.has_unit);
     let times_ns = match times.iter().min_by_key(how_unfit) {
-        Some((time, _)) if options.rate_hz.is_none() => npz.times(time, &name, &shape, meaning)?,
+        Some(CalledTime { name: time, .. }) if options.rate_hz.is_none() => {
+            npz.times(time, &name, &shape, meaning)?
+        }
         _ => None,
     };
     let joints = match name != JOINTS && npz.has(JOINTS) {
@@ -115,6 +116,15 @@ fn unreadable(path: &Path, reason: &str) -> RecordError {
     RecordError::unreadable(path.display(), format!("not a readable npz (zip) file: {reason}"))
 }
 
+/// An array that by its name gives the time of each frame.
+struct CalledTime {
+    name: String,
+    /// How many there are.
+    length: Option<usize>,
+    /// Whether its name or its elements say in which unit.
+    has_unit: bool,
+}
+
 /// An npz file: a zip archive of npy members.
 pub(crate) struct Npz<'a> {
     path: &'a Path,
@@ -155,19 +165,24 @@ impl<'a> Npz<'a> {
         )
     }
 
-    /// The arrays that give the time of each frame, by their names, and their lengths: [`TIMES`] first, whatever its shape. The
-    /// one of the frames is none.
-    fn called_times(&mut self, frames: Option<&str>) -> Vec<(String, Option<usize>)> {
+    /// The arrays that give the time of each frame, by their names: [`TIMES`] first, whatever its shape. The one of the frames is
+    /// none.
+    fn called_times(&mut self, frames: Option<&str>) -> Vec<CalledTime> {
         let names = self.names.clone().into_iter();
         let mut times: Vec<_> = names
             .filter(|name| Some(name.as_str()) != frames && time_of_name(name).is_some())
             .map(|name| {
-                let length = self.array(&name).ok().and_then(|array| length(array.shape()));
-                (name, length)
+                let array = self.array(&name).ok();
+                CalledTime {
+                    length: array.as_ref().and_then(|array| length(array.shape())),
+                    has_unit: unit_of_name(&name).is_some()
+                        || array.is_some_and(|array| array.has_datetimes()),
+                    name,
+                }
             })
-            .filter(|(name, length)| name == TIMES || length.is_some())
+            .filter(|time| time.name == TIMES || time.length.is_some())
             .collect();
-        times.sort_by_key(|(name, _)| name != TIMES);
+        times.sort_by_key(|time| time.name != TIMES);
         times
     }
 
@@ -179,8 +194,10 @@ impl<'a> Npz<'a> {
         shape: &[usize],
         meaning: Meaning,
     ) -> Result<Option<Vec<u64>>, RecordError> {
-        let Some(unit) = unit_of_name(time) else {
-            let array = self.array(time)?;
+        let array = self.array(time)?;
+        // It is what these are of, whatever the name says.
+        let own = array.has_datetimes().then_some(TimeUnit::Ns);
+        let Some(unit) = own.or(unit_of_name(time)) else {
             return match length(array.shape()) == Some(shape[0]) {
                 true => Err(RecordError::unfit(
                     &array.at,
@@ -189,6 +206,7 @@ impl<'a> Npz<'a> {
                 false => Ok(None),
             };
         };
+        drop(array);
         if !self.belongs(time, name, shape, meaning)? {
             return Ok(None);
         }
@@ -199,7 +217,10 @@ impl<'a> Npz<'a> {
         let (at, ns) = (array.at.clone(), 10f64.powi(unit.decimals()));
         let in_ns = |time: f64| match (time * ns).round() {
             rounded if (0.0..u64::MAX as f64).contains(&rounded) => Ok(rounded as u64),
-            _ => Err(RecordError::unreadable(&at, format!("{time} is no time"))),
+            _ => {
+                let advice = if time < 0.0 { FROM_0 } else { "" };
+                Err(RecordError::unreadable(&at, format!("{time} is no time{advice}")))
+            }
         };
         array
             .numbers()?

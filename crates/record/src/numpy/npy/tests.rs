@@ -134,21 +134,55 @@ fn times_that_are_no_whole_nanoseconds_are_refused_with_what_makes_such_of_them(
         ("<f8", "not 1 of f64: numpy.round(t).astype(\"int64\")"),
         ("<f4", "not 1 of f32: numpy.round(t).astype(\"int64\")"),
         (
-            "<M8[us]",
-            "not 1 of M8[us]: t.astype(\"datetime64[ns]\").astype(\"int64\")",
+            "<M8[m]",
+            "not 1 of M8[m]: t.astype(\"datetime64[ns]\").astype(\"int64\")",
         ),
         (
-            "<m8[ns]",
-            "not 1 of m8[ns]: t.astype(\"timedelta64[ns]\").astype(\"int64\")",
+            "<m8[h]",
+            "not 1 of m8[h]: t.astype(\"timedelta64[ns]\").astype(\"int64\")",
         ),
         ("|O", "not 1 of O: t.astype(\"int64\")"),
     ] {
         let message = refused(descriptor);
         assert!(message.ends_with(made), "{descriptor}: {message}");
     }
-    let whole = file("<i8", "(1,)", &7u64.to_le_bytes());
-    let times = Array::open("test".into(), &whole[..]).unwrap().times();
-    assert_eq!(times.unwrap(), [7]);
+    let times = |descriptor: &str, bytes: &[u8]| {
+        let bytes = file(descriptor, "(1,)", bytes);
+        let times = Array::open("test".into(), &bytes[..]).unwrap().times();
+        times.map_err(|error| error.to_string())
+    };
+    for (descriptor, times_ns) in [
+        ("<i8", 7),
+        ("<M8[ns]", 7),
+        ("<m8[us]", 7000),
+        ("<M8[ms]", 7_000_000),
+        ("<m8[s]", 7_000_000_000),
+    ] {
+        assert_eq!(
+            times(descriptor, &7u64.to_le_bytes()),
+            Ok(vec![times_ns]),
+            "{descriptor}"
+        );
+        let big = descriptor.replace('<', ">");
+        assert_eq!(times(&big, &7u64.to_be_bytes()), Ok(vec![times_ns]), "{big}");
+    }
+    for (descriptor, time, wanted) in [
+        ("<M8[ns]", i64::MIN, "frame 0 has no time (NaT)"),
+        (
+            "<i8",
+            i64::MIN,
+            "time -9223372036854775808 is negative; times begin at 0 or later: t - t.min()",
+        ),
+        ("<m8[s]", -1, "time -1 is negative; times begin at 0 or later"),
+        (
+            "<M8[s]",
+            i64::MAX,
+            "time 9223372036854775807 is beyond what nanoseconds of 64 bits hold",
+        ),
+    ] {
+        let message = times(descriptor, &time.to_le_bytes()).unwrap_err();
+        assert!(message.contains(wanted), "{descriptor}: {message}");
+    }
 }
 
 #[test]

@@ -107,12 +107,64 @@ fn times_are_read_in_the_unit_that_their_name_says_and_refused_without_one() {
     }
     for (times, wanted) in [
         (vec![0.0, f64::NAN, 1.0], "[t_s]: NaN is no time"),
-        (vec![-1.0, 0.0, 1.0], "[t_s]: -1 is no time"),
+        (
+            vec![-1.0, 0.0, 1.0],
+            "[t_s]: -1 is no time; times begin at 0 or later: t - t.min()",
+        ),
         (vec![0.0, 1.0], "[t_s] has shape 2; expected 3"),
     ] {
         let message = read("t_s", times, None).unwrap_err();
         assert!(message.contains(wanted), "{message}");
     }
+}
+
+#[test]
+fn times_that_know_their_unit_need_no_name_that_says_it() {
+    let dir = TempDir::new().unwrap();
+    let path = dir.path().join("a.npz");
+    let datetimes = |unit: &str, step: i64| {
+        let text = format!("{{'descr': '<M8[{unit}]', 'fortran_order': False, 'shape': (3,)}}");
+        let mut bytes = b"\x93NUMPY\x01\x00v\x00".to_vec();
+        bytes.extend(format!("{text:117}\n").bytes());
+        bytes.extend((1..4).flat_map(|frame: i64| (frame * step).to_le_bytes()));
+        bytes
+    };
+    let read = |arrays: &[(&str, Vec<u8>)]| {
+        let mut values = Vec::new();
+        crate::write_npy(&mut values, &[3, 4], vec![0f32; 12]).unwrap();
+        let mut zip = zip::ZipWriter::new(File::create(&path).unwrap());
+        let options = zip::write::SimpleFileOptions::default();
+        for (name, bytes) in [("values", values)].iter().chain(arrays) {
+            zip.start_file(format!("{name}.npy"), options).unwrap();
+            zip.write_all(bytes).unwrap();
+        }
+        zip.finish().unwrap();
+        open(&path).map(|recording| recording.t_ns(1))
+    };
+    for (name, unit, step) in [
+        ("time", "us", 1000),
+        ("timestamps", "ns", 1_000_000),
+        ("t_s", "ms", 1),
+    ] {
+        assert_eq!(
+            read(&[(name, datetimes(unit, step))]).unwrap(),
+            2_000_000,
+            "{name}"
+        );
+    }
+    // It is preferred to one whose unit is not known.
+    let plain = file_of_u8(3);
+    assert_eq!(
+        read(&[("t", plain), ("time", datetimes("ms", 5))]).unwrap(),
+        10_000_000
+    );
+}
+
+/// An array of so many bytes.
+fn file_of_u8(length: usize) -> Vec<u8> {
+    let mut bytes = Vec::new();
+    crate::write_npy(&mut bytes, &[length], vec![0u8; length]).unwrap();
+    bytes
 }
 
 #[test]
