@@ -157,8 +157,18 @@ impl Session {
     /// # Errors
     /// What cannot be read, with its file; a folder without any such file.
     pub fn open(path: &Path) -> Result<Self, ForearmError> {
+        let is_mat = path
+            .extension()
+            .is_some_and(|ending| ending.eq_ignore_ascii_case("mat"));
         let (trials, simulated) = if path.is_dir() {
             (read_folders(path)?, is_simulated_folder(path)?)
+        } else if is_mat && path.exists() {
+            return Err(ForearmError::Unfit {
+                path: path.into(),
+                what: "a .mat is one squeeze, and a session has those of several places; name the folder of the places \
+                       (PLACE/distancePLACE_REPETITION.mat)"
+                    .into(),
+            });
         } else {
             (read_npz(path)?, is_simulated_npz(path)?)
         };

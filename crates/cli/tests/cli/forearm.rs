@@ -298,3 +298,22 @@ fn options_that_would_do_nothing_are_refused() {
         assert!(error.contains("1, 2, 3, 4, 5, 7 or 13"), "{error}");
     }
 }
+
+#[test]
+fn one_squeeze_is_no_session() {
+    let dir = TempDir::new().unwrap();
+    std::fs::write(dir.path().join("distance0_1.mat"), "MATLAB 5.0 MAT-file").unwrap();
+    for arguments in [
+        &["train", "distance0_1.mat", "--out", "x.model"][..],
+        &["eval", "distance0_1.mat"],
+        &["figures", "distance0_1.mat", "--out", "figures"],
+    ] {
+        let error = fails(&dir, &[&["forearm"], arguments].concat(), 1);
+        assert!(
+            error.contains("a .mat is one squeeze") && error.contains("name the folder of the places"),
+            "{error}"
+        );
+    }
+    let error = fails(&dir, &["forearm", "eval", "absent.mat"], 1);
+    assert!(error.contains("No such file"), "{error}");
+}
