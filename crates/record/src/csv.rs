@@ -2,19 +2,18 @@
 
 use crate::csv_clock::{self, is_clock, time_ns, unit_beyond_seconds, unit_since_1970};
 use crate::csv_columns::{LineColumns, cell, is_unnamed};
+use crate::csv_lines::{LINE_BYTES, Lines, unreadable};
 use crate::error::RecordError;
 use crate::numpy::npy::MAX_NUMBERS;
 use crate::table::{ColumnNames, Columns, ReadOptions, Table};
-use csv::{ByteRecord, Reader, ReaderBuilder, Terminator};
+use csv::{ByteRecord, ReaderBuilder};
 use std::fs::File;
-use std::io::{self, BufRead, BufReader, Read, Take};
+use std::io::{self, BufRead, BufReader, Read};
 use std::path::Path;
-use taxel_hand::shell_word;
+use taxel_hand::{plural, shell_word};
 
 /// What some spreadsheets begin a file with.
 const BYTE_ORDER_MARK: &[u8] = "\u{feff}".as_bytes();
-/// Bytes that one line may have: 20 for each of 200,000 numbers.
-const LINE_BYTES: u64 = 4 << 20;
 /// How it is said that a cell has several numbers: what separates is taken from the first line.
 const NO_SEPARATOR: &str = ", but several, which the first line does not separate so";
 /// Characters of a cell that are quoted.
@@ -23,8 +22,6 @@ const QUOTED: usize = 40;
 const NO_NUMBER: &str = "which is not a number";
 /// Numbers 0, 1, 2, ... from which on a first line of them may be pandas' names of columns.
 const FEWEST_NUMBERS: usize = 4;
-/// Columns that a line may have: three axes of as many taxels as a hand can have, and room for times and joints.
-const MAX_COLUMNS: usize = 200_000;
 
 /// Reads a csv file: one frame a line, the numbers separated by commas, semicolons, tabs, bars or blanks, quoted or not.
 ///
@@ -54,6 +51,7 @@ pub(crate) fn read(path: &Path, options: &ReadOptions) -> Result<Table, RecordEr
     let mut lines = Lines::new(path, whole, delimiter);
     let mut frames = Frames::new(LineColumns::of_plain(options));
     let mut is_first = true;
+    let mut lines_before = 0;
     while lines.read()? {
         let refuse = |reason| unreadable(path, lines.number, reason);
         let record = &mut lines.record;
@@ -104,8 +102,12 @@ pub(crate) fn read(path: &Path, options: &ReadOptions) -> Result<Table, RecordEr
                 let is_other = frames.meaning.columns != Some(record.len()) || !has_number;
                 let width = frames.meaning.columns.filter(|width| frames.is_behind_header() && *width > record.len());
                 let begins_here = record.len() == 1 && reason.contains(NO_SEPARATOR);
+                let narrower = frames.meaning.columns.filter(|width| lines_before == 1 && *width < record.len());
                 refuse(match (is_text, is_other) {
-                    _ if begins_here => format!(
+                    (false, _) if frames.is_behind_header() && narrower == Some(record.len() - 1) => format!(
+                        "{reason}; where the first has no name, as R's names of rows, give it one"
+                    ),
+                    _ if begins_here || !is_text && narrower.is_some() => format!(
                         "{reason}; where the table begins here, cut off what is before it (`tail -n +{}`)",
                         lines.number
                     ),
@@ -122,6 +124,7 @@ pub(crate) fn read(path: &Path, options: &ReadOptions) -> Result<Table, RecordEr
                 })
             })?;
         }
+        lines_before += 1;
     }
     frames.table(path, options)
 }
@@ -145,69 +148,6 @@ fn is_index_clock(path: &Path, delimiter: u8) -> Result<bool, RecordError> {
         }
     }
     Ok(is_clock(records.iter().skip(1)))
-}
-
-fn unreadable(path: &Path, line: u64, reason: String) -> RecordError {
-    RecordError::unreadable(format_args!("{}:{line}", path.display()), reason)
-}
-
-/// The lines of a file that say something, cut into cells.
-struct Lines<'a, R> {
-    path: &'a Path,
-    reader: Reader<Take<R>>,
-    delimiter: u8,
-    /// The newest line.
-    record: ByteRecord,
-    /// Its number, from 1 on.
-    number: u64,
-}
-
-impl<'a, R: Read> Lines<'a, R> {
-    fn new(path: &'a Path, whole: R, delimiter: u8) -> Self {
-        let reader = ReaderBuilder::new()
-            .has_headers(false)
-            .flexible(true)
-            .delimiter(delimiter)
-            .comment(Some(b'#'))
-            .terminator(Terminator::Any(b'\n'))
-            .from_reader(whole.take(LINE_BYTES));
-        Self {
-            path,
-            reader,
-            delimiter,
-            record: ByteRecord::new(),
-            number: 0,
-        }
-    }
-
-    /// Reads the next line; false at the end of the file.
-    fn read(&mut self) -> Result<bool, RecordError> {
-        loop {
-            let has_record = self.reader.read_byte_record(&mut self.record);
-            let has_record = has_record.map_err(|e| RecordError::io(self.path)(e.into()))?;
-            let next_line = self.reader.position().line();
-            if self.reader.get_ref().limit() == 0 {
-                let reason = format!("longer than {} MiB, or a quote is not closed", LINE_BYTES >> 20);
-                return Err(unreadable(self.path, next_line, reason));
-            }
-            if !has_record {
-                return Ok(false);
-            }
-            self.reader.get_mut().set_limit(LINE_BYTES);
-            self.number = next_line - 1;
-            if self.delimiter == b' ' {
-                self.record = self.record.iter().filter(|cell| !cell.is_empty()).collect();
-            }
-            if is_blank(&self.record) {
-                continue;
-            }
-            if self.record.len() > MAX_COLUMNS {
-                let reason = format!("{} columns, more than {MAX_COLUMNS}", self.record.len());
-                return Err(unreadable(self.path, self.number, reason));
-            }
-            return Ok(true);
-        }
-    }
 }
 
 /// The frames of the lines so far.
@@ -249,14 +189,19 @@ impl Frames {
     fn take(&mut self, record: &ByteRecord) -> Result<(), String> {
         self.row.clear();
         for (column, bytes) in record.iter().enumerate() {
-            self.row.push(number(column, bytes)?);
+            let number = number(column, bytes).map_err(|reason| match self.meaning.names.values.is_empty() {
+                // As pandas calls columns without names.
+                true => reason.replace("df.NAME", &format!("df[{column}]")),
+                false => reason,
+            });
+            self.row.push(number?);
         }
         let row = &self.row;
         let expected = *self.meaning.columns.get_or_insert(row.len());
         if row.len() != expected {
             return Err(format!(
-                "{} columns, where the lines before have {expected}",
-                row.len()
+                "{}, where the lines before have {expected}",
+                plural(row.len(), "column")
             ));
         }
         if let Some((time, unit)) = self.meaning.time {
@@ -266,6 +211,9 @@ impl Frames {
                     "{late} is no time in seconds, which a column {:?} is taken for; say its unit: --time-column {}",
                     self.meaning.unitless.as_deref().unwrap_or_default(),
                     unit_beyond_seconds(late)
+                ),
+                (time, _) if time < 0.0 => format!(
+                    "{time} is no time from 0 on; take the least from each: in pandas df.NAME -= df.NAME.min()"
                 ),
                 (time, _) => format!("{time} is no time from 0 on"),
             };
@@ -418,14 +366,6 @@ fn delimiter(lines: &[u8]) -> u8 {
         })
     };
     delimiters.into_iter().find(has).unwrap_or(b',')
-}
-
-/// Whether a line holds nothing but blanks and perhaps a comment after them.
-fn is_blank(record: &ByteRecord) -> bool {
-    let Some(first) = record.get(0) else {
-        return true;
-    };
-    (record.len() == 1 && first.trim_ascii().is_empty()) || first.trim_ascii().starts_with(b"#")
 }
 
 /// Whether columns without names are x, y and z of taxels by the options, if there are so many of them.

@@ -201,7 +201,7 @@ fn a_pipe_with_a_name_is_read_as_stdin_is_and_no_other_kind_of_file() {
     let (_, err) = texts(&piped(
         "printf '1,2\\n3\\n' > p.log & exec \"$1\" compress p.log --out piped.npy",
     ));
-    assert!(err.contains("p.log:2: 1 columns"), "{err}");
+    assert!(err.contains("p.log:2: 1 column,"), "{err}");
     let err = fails(&dir, &["compress", "/dev/null", "--out", "a.npy"], 2);
     assert!(
         err.contains("no regular file") && err.contains("`-` reads stdin"),
@@ -216,7 +216,7 @@ fn what_is_wrong_with_stdin_is_told_of_stdin() {
     let output = reading(&dir, "bad.csv", &["compress", "-", "--out", "a.npy"]);
     assert_eq!(
         texts(&output).1,
-        "taxel: stdin:2: 1 columns, where the lines before have 2\n"
+        "taxel: stdin:2: 1 column, where the lines before have 2\n"
     );
 }
 

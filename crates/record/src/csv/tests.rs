@@ -3,6 +3,7 @@ use crate::{Recording, TimeUnit, Void};
 use tempfile::TempDir;
 
 mod clocks;
+mod refused;
 
 fn read_text(text: &str, options: &ReadOptions) -> Result<Recording, String> {
     recording_of(text, options).map_err(|e| e.to_string())
@@ -148,6 +149,19 @@ fn semicolons_and_tabs_separate_like_commas_and_quotes_hide_them() {
 }
 
 #[test]
+fn an_empty_quoted_cell_is_one_between_blanks_too() {
+    let named = "\"\" \"t_s\" \"a\"  \"b\"\r\n\"0\" \"0.5\" \"1\" \"2\"\r\n1 0.6  3 4\r\n";
+    let recording = read_text(named, &ReadOptions::default()).unwrap();
+    assert_eq!(recording.magnitudes(1).unwrap(), [3.0, 4.0]);
+    assert_eq!(recording.t_ns(0), 500_000_000);
+    assert_eq!(recording.left_out_columns(), [""]);
+    let counts = "0B0X 0B0Y 0B0Z 0B1X 0B1Y 0B1Z\n1 2 3 \"\" \"\" \"\"\n\"\" \"\" \"\" 4 5 6";
+    let recording = read_text(counts, &ReadOptions::default()).unwrap();
+    assert_eq!(recording.counts(0).unwrap(), [Some([1, 2, 3]), None]);
+    assert_eq!(recording.counts(1).unwrap(), [None, Some([4, 5, 6])]);
+}
+
+#[test]
 fn an_empty_cell_is_a_value_that_is_not_there() {
     let none = ReadOptions::default();
     let counts = ReadOptions {
@@ -236,100 +250,6 @@ fn an_empty_cell_at_the_end_is_the_z_of_the_last_taxel_where_threes_need_it() {
             error => panic!("{text:?}: {error}"),
         }
     }
-}
-
-#[test]
-fn a_line_without_end_is_refused_before_it_takes_the_memory() {
-    let endless = |begin: &str, again: &str| {
-        let text = begin.to_owned() + &again.repeat(2 * LINE_BYTES as usize / again.len());
-        read_text(&text, &ReadOptions::default()).unwrap_err()
-    };
-    for (begin, again, line) in [
-        ("1,2\n3,", "4,", 2),
-        ("1,2\n3,\"", "4\n", LINE_BYTES),
-        ("#", "#", 1),
-        ("", "x", 1),
-        ("", "# nothing\n", 1),
-    ] {
-        let message = endless(begin, again);
-        assert!(message.contains("longer than 4 MiB"), "{begin:?}: {message}");
-        let place: Vec<&str> = message.split(':').collect();
-        assert!(place[1].parse::<u64>().unwrap() >= line.min(1_000), "{message}");
-    }
-}
-
-#[test]
-fn errors_name_the_line() {
-    let columns = ReadOptions {
-        columns: Some(Columns::XyzBlocks),
-        ..Default::default()
-    };
-    let none = ReadOptions::default();
-    for (text, options, wanted) in [
-        ("1,2\n3\n", &none, ":2: 1 columns"),
-        ("1,2\n\n3,x\n", &none, ":3: column 2 is \"x\""),
-        ("1,x\n2,3\n", &none, ":1: column 2 is \"x\""),
-        ("# c\r\n\r\n1;2\r\n# c\r\n3;x", &none, ":5: column 2 is \"x\""),
-        (
-            "1;2\n1,5;2\n",
-            &none,
-            ":2: column 1 is \"1,5\", which is not a number; decimals",
-        ),
-        (
-            "1\n640\n0 472.75 640 38135 851 852 853 854 855 856\n",
-            &none,
-            ":3: column 1 is \"0 472.75 640 38135 851 852 853 854 855 8..\", which is not a number, but several, which the first \
-             line does not separate so; where the table begins here, cut off what is before it (`tail -n +3`)",
-        ),
-        (
-            "a,b,c,label\n1,2,hand\n",
-            &none,
-            ":2: column 3 is \"hand\", which is not a number; the header has 4 names, and this line 3 cells",
-        ),
-        ("", &none, ":1: no line"),
-        ("a,b\n", &none, ":1: no line"),
-        ("0B0X,0B0Y,0B0Z,a\n1,2,3,4\n", &none, ":1: column \"a\""),
-        (
-            "0B0X,0B0Y,0B0Y\n1,2,3\n",
-            &none,
-            ":1: column \"0B0Y\" comes twice",
-        ),
-        ("0B0X,0B0Y\n1,2\n", &none, ":1: taxel 0B0 has no column Z"),
-        ("0B0X,0B0Y,0B0Z\n1,2,3\n", &columns, ":1: the header names"),
-        ("t,a\n-1,2\n", &none, ":2: -1 is no time"),
-        (
-            "timestamp,a\n1581072654214,2\n",
-            &none,
-            ":2: 1581072654214 is no time in seconds, which a column \"timestamp\" is taken for; say its unit: --time-column ms",
-        ),
-        ("t,a\n1581072654214000000,2\n", &none, "--time-column ns"),
-        (
-            "secs,nsecs,a\n1,2,3\n",
-            &none,
-            ":1: times are in two columns, \"secs\" and \"nsecs\"",
-        ),
-        (
-            "t,a\n1,\"[2, 3]\"\n",
-            &none,
-            "a list; write its values to columns",
-        ),
-        ("0B0X,0B0Y,0B0Z\n1,2,70000\n", &none, "70000"),
-        ("1,2\n3,nan\n", &none, "frame 1, taxel 1"),
-    ] {
-        let message = read_text(text, options).unwrap_err();
-        assert!(message.contains(wanted), "{text:?}: {message}");
-    }
-    let wide = "a,".repeat(MAX_COLUMNS) + "a\n";
-    let message = read_text(&wide, &none).unwrap_err();
-    assert!(
-        message.contains(":1: 200001 columns, more than 200000"),
-        "{message}"
-    );
-    let dir = TempDir::new().unwrap();
-    let path = dir.path().join("latin.csv");
-    std::fs::write(&path, b"1,2\n3,\xff\n").unwrap();
-    let message = Recording::open(&path, &none).unwrap_err().to_string();
-    assert!(message.contains(":2: not UTF-8"), "{message}");
 }
 
 #[test]

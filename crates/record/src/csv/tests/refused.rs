@@ -1,0 +1,137 @@
+//! What is said of tables that are refused.
+
+use super::*;
+use crate::csv_lines::MAX_COLUMNS;
+
+#[test]
+fn a_line_without_end_is_refused_before_it_takes_the_memory() {
+    let endless = |begin: &str, again: &str| {
+        let text = begin.to_owned() + &again.repeat(2 * LINE_BYTES as usize / again.len());
+        read_text(&text, &ReadOptions::default()).unwrap_err()
+    };
+    for (begin, again, line) in [
+        ("1,2\n3,", "4,", 2),
+        ("1,2\n3,\"", "4\n", LINE_BYTES),
+        ("#", "#", 1),
+        ("", "x", 1),
+        ("", "# nothing\n", 1),
+    ] {
+        let message = endless(begin, again);
+        assert!(message.contains("longer than 4 MiB"), "{begin:?}: {message}");
+        let place: Vec<&str> = message.split(':').collect();
+        assert!(place[1].parse::<u64>().unwrap() >= line.min(1_000), "{message}");
+    }
+}
+
+#[test]
+fn errors_name_the_line() {
+    let columns = ReadOptions {
+        columns: Some(Columns::XyzBlocks),
+        ..Default::default()
+    };
+    let none = ReadOptions::default();
+    for (text, options, wanted) in [
+        ("1,2\n3\n", &none, ":2: 1 column, where the lines before have 2"),
+        (
+            "shape,2,2\n1,2,3,4\n1,2,3,5\n",
+            &none,
+            ":2: 4 columns, where the lines before have 3",
+        ),
+        (
+            "shape,2,3\n1,2,3,4,5,6\n",
+            &none,
+            ":2: 6 columns, where the lines before have 3; where the table begins here, cut off what is before it (`tail -n +2`)",
+        ),
+        (
+            "\n2,3\n\n1,2,3,4,5,6\n",
+            &none,
+            ":4: 6 columns, where the lines before have 2; where the table begins here, cut off what is before it (`tail -n +4`)",
+        ),
+        (
+            "1,2\n1,2\n3,4,5\n",
+            &none,
+            ":3: 3 columns, where the lines before have 2",
+        ),
+        (
+            "\"a\" \"b\"\n\"1\" 3 4\n",
+            &none,
+            ":2: 3 columns, where the lines before have 2; where the first has no name, as R's names of rows, give it one",
+        ),
+        ("1,2\n\n3,x\n", &none, ":3: column 2 is \"x\""),
+        ("1,x\n2,3\n", &none, ":1: column 2 is \"x\""),
+        ("# c\r\n\r\n1;2\r\n# c\r\n3;x", &none, ":5: column 2 is \"x\""),
+        (
+            "1;2\n1,5;2\n",
+            &none,
+            ":2: column 1 is \"1,5\", which is not a number; decimals",
+        ),
+        (
+            "1\n640\n0 472.75 640 38135 851 852 853 854 855 856\n",
+            &none,
+            ":3: column 1 is \"0 472.75 640 38135 851 852 853 854 855 8..\", which is not a number, but several, which the first \
+             line does not separate so; where the table begins here, cut off what is before it (`tail -n +3`)",
+        ),
+        (
+            "a,b,c,label\n1,2,hand\n",
+            &none,
+            ":2: column 3 is \"hand\", which is not a number; the header has 4 names, and this line 3 cells",
+        ),
+        ("", &none, ":1: no line"),
+        ("a,b\n", &none, ":1: no line"),
+        ("0B0X,0B0Y,0B0Z,a\n1,2,3,4\n", &none, ":1: column \"a\""),
+        (
+            "0B0X,0B0Y,0B0Y\n1,2,3\n",
+            &none,
+            ":1: column \"0B0Y\" comes twice",
+        ),
+        ("0B0X,0B0Y\n1,2\n", &none, ":1: taxel 0B0 has no column Z"),
+        ("0B0X,0B0Y,0B0Z\n1,2,3\n", &columns, ":1: the header names"),
+        (
+            "t,a\n-1,2\n",
+            &none,
+            ":2: -1 is no time from 0 on; take the least from each: in pandas",
+        ),
+        (
+            "timestamp,a\n1581072654214,2\n",
+            &none,
+            ":2: 1581072654214 is no time in seconds, which a column \"timestamp\" is taken for; say its unit: --time-column ms",
+        ),
+        ("t,a\n1581072654214000000,2\n", &none, "--time-column ns"),
+        (
+            "secs,nsecs,a\n1,2,3\n",
+            &none,
+            ":1: times are in two columns, \"secs\" and \"nsecs\"",
+        ),
+        (
+            "t,a\n1,\"[2, 3]\"\n",
+            &none,
+            "a list; write its values to columns",
+        ),
+        ("0B0X,0B0Y,0B0Z\n1,2,70000\n", &none, "70000"),
+        (
+            "1,2024-05-01 12:00\n",
+            &none,
+            "in pandas t = pandas.to_datetime(df[1]); df[1] = (t - t[0]).dt.total_seconds()",
+        ),
+        (
+            "a,b\n1,2024-05-01\n",
+            &none,
+            "pandas.to_datetime(df.NAME); df.NAME =",
+        ),
+        ("1,2\n3,nan\n", &none, "frame 1, taxel 1"),
+    ] {
+        let message = read_text(text, options).unwrap_err();
+        assert!(message.contains(wanted), "{text:?}: {message}");
+    }
+    let wide = "a,".repeat(MAX_COLUMNS) + "a\n";
+    let message = read_text(&wide, &none).unwrap_err();
+    assert!(
+        message.contains(":1: 200001 columns, more than 200000"),
+        "{message}"
+    );
+    let dir = TempDir::new().unwrap();
+    let path = dir.path().join("latin.csv");
+    std::fs::write(&path, b"1,2\n3,\xff\n").unwrap();
+    let message = Recording::open(&path, &none).unwrap_err().to_string();
+    assert!(message.contains(":2: not UTF-8"), "{message}");
+}
