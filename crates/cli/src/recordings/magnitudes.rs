@@ -8,6 +8,8 @@ use taxel_skin::Layout;
 const ENOUGH: usize = 10;
 /// Cells with sensors, from which on those that are always 0 are none.
 const FEWEST_SENSORS: usize = 16;
+/// Columns of a table with a line for each taxel: which one, and what it has.
+const TIDY_COLUMNS: usize = 8;
 /// No step of a clock is so many times as long as they are in the mean.
 const MOST_STEPS: f64 = 4.0;
 
@@ -72,7 +74,8 @@ fn other_table(recording: &Recording, wanted: usize) -> Option<String> {
 
 /// That each time stands there many times, as in a table with a line for each taxel and time.
 fn a_line_for_each_taxel(recording: &Recording) -> Option<String> {
-    let is_it = recording.has_times() && recording.len() > 1 && recording.period_ns() == 0;
+    let may_be = recording.image_shape().is_none() && recording.taxels() <= TIDY_COLUMNS;
+    let is_it = may_be && recording.has_times() && recording.len() > 1 && recording.period_ns() == 0;
     is_it.then(|| {
         "most times stand in several lines, as where there is a line for each taxel: in pandas \
          df.pivot(index=\"time\", columns=\"taxel\", values=\"value\").to_csv(..) makes a line for each time"

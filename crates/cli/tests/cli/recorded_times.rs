@@ -103,6 +103,7 @@ fn times_in_another_unit_or_kept_as_float32_are_told() {
     ] {
         let err = told(name, &times, is_single);
         assert!(err.contains(words), "{name} {words}: {err}");
+        assert!(!err.contains("a line for each taxel"), "{name}: {err}");
     }
     for (name, times, is_single) in [
         ("t_s", seconds(unix_s, 0.01), false),
