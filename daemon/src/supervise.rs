@@ -166,7 +166,10 @@ fn report_buses(state: &State, before: Option<&Snapshot>, now: &Snapshot) {
 /// Says each time that there are twice as many.
 fn report_unpublished(state: &State, told: u64, unpublished: u64) {
     if unpublished.checked_ilog2() != told.checked_ilog2() {
-        let sentence = format!("{unpublished} images could not be handed to subscribers; please report this");
+        let sentence = format!(
+            "{} could not be handed to subscribers; please report this",
+            plural(unpublished, "image")
+        );
         tracing::error!("{sentence}");
         state.server.announce(Event::new(EventKind::Notice, sentence));
     }
@@ -339,8 +342,9 @@ fn call_roll(state: &State, now: Option<&Snapshot>) {
         .filter(|board| board.state != BoardState::NeverSeen)
         .count();
     match layout.modules.len() {
+        1 if heard == 1 => tracing::info!("its board speaks"),
         boards if boards == heard => tracing::info!("all {boards} boards speak"),
-        boards => tracing::warn!("{heard} of {boards} boards speak so far"),
+        boards => tracing::warn!("{heard} of {} speak so far", plural(boards, "board")),
     }
 }
 

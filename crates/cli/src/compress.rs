@@ -14,7 +14,7 @@ use std::path::{Path, PathBuf};
 use taxel_compress::learn_codebook;
 use taxel_diagnose::ANY_CHANGE_IS_CONTACT;
 use taxel_engine::Display;
-use taxel_hand::{ForceFrame, LevelSteps, Method, Profile, TactileImage, did_you_mean};
+use taxel_hand::{ForceFrame, LevelSteps, Method, Profile, TactileImage, did_you_mean, plural};
 use taxel_playback::image_output::{ImageOutput, OutputFormat};
 use taxel_playback::interrupt::Interrupt;
 use taxel_playback::output_file::{OutputFile, refuse_overlap};
@@ -245,7 +245,11 @@ impl Run {
             };
             profile.check()?;
             write_codebook(path, args, &profile, &other_levels(&config.profile))?;
-            remark!("{}: {} levels learned", path.display(), profile.codebook.len());
+            remark!(
+                "{}: {} learned",
+                path.display(),
+                plural(profile.codebook.len(), "level")
+            );
         }
         if args.json {
             let mut object = json!(self.counts);
@@ -280,8 +284,9 @@ impl Run {
             format!(", contact above {threshold:.0} {unit}")
         });
         remark!(
-            "{}: {images} images of {}x{}, {with_contact} with contact{while_calibrating}{threshold}",
+            "{}: {} of {}x{}, {with_contact} with contact{while_calibrating}{threshold}",
             args.out.display(),
+            plural(images, "image"),
             config.layout.height,
             config.layout.width,
         );
@@ -298,9 +303,12 @@ impl Run {
             let hint = period_ms.map_or_else(String::new, |ms| {
                 format!("; sweep.board_period_ms says that boards send every {ms} ms: do they?")
             });
-            remark!("taxel: taxels are missing in {with_missing} images{hint}");
+            remark!(
+                "taxel: taxels are missing in {}{hint}",
+                plural(with_missing, "image")
+            );
         }
-        self.out_of_use.tell("images");
+        self.out_of_use.tell("image");
         if self.threshold == Some(0.0) {
             remark!(
                 "taxel: the contact threshold is 0: {ANY_CHANGE_IS_CONTACT}; --conditioning robust measures it over a longer time"

@@ -13,7 +13,7 @@ use serde_json::{Value, json};
 use std::path::{Path, PathBuf};
 use std::time::{Duration, Instant};
 use taxel_can::Received;
-use taxel_hand::{did_you_mean, shell_word};
+use taxel_hand::{did_you_mean, plural, shell_word};
 use taxel_playback::interrupt::Interrupt;
 use taxel_playback::target::{TargetAddress, Targets, of_buses, refuse_shared_ids};
 use taxel_sim::servo::{SERVO_BAUD, ServoBus, ServoPty, StableLink, servo_clock_ns, servos_of_scene};
@@ -201,8 +201,8 @@ fn play_scene(args: &Args, name: &str, limit_ns: Option<u64>) -> anyhow::Result<
     }
     targets.finish()?;
     say!(
-        "{} frames sent{}",
-        targets.sent(),
+        "{} sent{}",
+        plural(targets.sent(), "frame"),
         match targets.failed() {
             0 => String::new(),
             failed => format!(", {failed} failed"),
@@ -334,7 +334,8 @@ fn offer_servos(scene: &Scene, layout: &Layout, link: &Path) -> anyhow::Result<(
     let link_made = StableLink::new(link, pty.path())
         .with_context(|| format!("--servos {}: cannot make this link", link.display()))?;
     say!(
-        "{count} servos, ids 1 to {count}, at {baud} bit/s on {}",
+        "{}, ids 1 to {count}, at {baud} bit/s on {}",
+        plural(count, "servo"),
         link.display()
     );
     stdout::print(&joints_table(&std::path::absolute(link)?, baud, &names))?;

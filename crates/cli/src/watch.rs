@@ -8,6 +8,7 @@ use ratatui::crossterm::terminal::window_size;
 use std::io::{self, IsTerminal, Write};
 use std::path::PathBuf;
 use std::time::{Instant, SystemTime};
+use taxel_hand::plural;
 use taxel_playback::{image_line, raw_line};
 use taxel_view::shortened;
 use taxel_wire::{Clock, Header, Hello, Received, Subscribe, Subscriber};
@@ -206,18 +207,18 @@ fn describe(hello: &Hello) -> String {
     } = hello;
     let joints = match hello.joints.len() {
         0 => String::new(),
-        joints => format!(", {joints} joints"),
+        joints => format!(", {}", plural(joints, "joint")),
     };
     let rate = match rate.hz {
         Some(hz) => format!("{} {hz} Hz", rate.mode),
         None => rate.mode.clone(),
     };
     format!(
-        "{daemon}: {layout}, {} taxels, {height}x{width} image, {} levels, {} actuators, method {}, {rate}, \
+        "{daemon}: {layout}, {}, {height}x{width} image, {}, {}, method {}, {rate}, \
          forces in {force_unit}{joints}",
-        hello.taxels.len(),
-        profile.levels,
-        profile.actuators,
+        plural(hello.taxels.len(), "taxel"),
+        plural(profile.levels, "level"),
+        plural(profile.actuators, "actuator"),
         profile.method,
     )
 }

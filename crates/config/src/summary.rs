@@ -2,16 +2,17 @@
 
 use crate::Config;
 use serde::Serialize;
+use taxel_hand::plural;
 
 impl Config {
     /// The hand, its buses and its joints in a few lines, and what of them does not fit together.
     pub fn summary(&self) -> String {
         let layout = &self.layout;
         let mut text = format!(
-            "{}: {} modules, {} taxels, {}x{} image\n",
+            "{}: {}, {}, {}x{} image\n",
             layout.name,
-            layout.modules.len(),
-            layout.len(),
+            plural(layout.modules.len(), "module"),
+            plural(layout.len(), "taxel"),
             layout.height,
             layout.width
         );
@@ -19,7 +20,11 @@ impl Config {
             text += &format!("  {bus}: {source}\n");
         }
         if let Some(joints) = &self.joints {
-            text += &format!("  {} joints: {}\n", joints.joint_names().len(), joints.source);
+            text += &format!(
+                "  {}: {}\n",
+                plural(joints.joint_names().len(), "joint"),
+                joints.source
+            );
         }
         if let Some(sentence) = self.unread_joints() {
             text += &format!("  {sentence}\n");

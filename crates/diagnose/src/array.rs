@@ -5,6 +5,7 @@ use crate::names::board_name;
 use crate::problem::{Place, Problem};
 use crate::view::Look;
 use taxel_can::{ArrayCounters, SourceAddress};
+use taxel_hand::plural;
 use taxel_skin::{BoardState, Layout};
 
 /// Arrays send a few frames a second: one is silent after this long, nanoseconds.
@@ -40,8 +41,8 @@ pub(crate) fn judge(look: &Look<'_>, index: usize, found: &mut Vec<Problem>) {
         report(
             Kind::ArrayLost,
             format!(
-                "{} frames did not come, by their sequence numbers",
-                now.lost - before.lost
+                "{} did not come, by their sequence numbers",
+                plural(now.lost - before.lost, "frame")
             ),
             "the sending program drops them: its send would block, or it is too slow for the sensor",
             "no more frames are missing",

@@ -189,7 +189,10 @@ impl Judge<'_> {
         if lost > 0 {
             self.report(
                 Kind::FramesLost,
-                &format!("{lost} frames lost in the kernel because they were taken too late"),
+                &match lost {
+                    1 => "a frame lost in the kernel because it was taken too late".into(),
+                    _ => format!("{lost} frames lost in the kernel because they were taken too late"),
+                },
                 "the machine was busy, or taxeld stood still, for longer than the queue lasts: less load, or a larger queue \
                  (`[can] receive_buffer_kib`, and `sysctl net.core.rmem_max`, in bytes, no less than that)",
                 "no more frames lost in the kernel",

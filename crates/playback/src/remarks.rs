@@ -124,7 +124,7 @@ mod tests {
             news
         };
         let news = news_of_a_pass();
-        let is_it = |line: &str| line.contains("1 lines are not classic CAN frames");
+        let is_it = |line: &str| line.contains("1 line without a classic CAN frame");
         assert!(matches!(&news[..], [line] if is_it(line)), "{news:?}");
         assert_eq!(news_of_a_pass(), Vec::<String>::new());
         // An answer is no remark: it is given as often as it is asked for.

@@ -3,6 +3,7 @@
 use crate::figures::no_image_for;
 use serde::Serialize;
 use std::fmt;
+use taxel_hand::plural;
 use taxel_wire::status::ProblemStatus;
 
 /// The figures of the whole time: as text a few lines, in JSON one object.
@@ -104,10 +105,10 @@ impl fmt::Display for Summary {
         }
         writeln!(
             f,
-            "contact    in {:.0} % of images, up to {} taxels and {} actuators{}",
+            "contact    in {:.0} % of images, up to {} and {}{}",
             100.0 * self.contact_ratio,
-            self.most_contacts,
-            self.most_actuators,
+            plural(self.most_contacts, "taxel"),
+            plural(self.most_actuators, "actuator"),
             match self.paused {
                 Some(true) => "; paused at the end, when none is shown",
                 _ => "",

@@ -8,6 +8,7 @@ use anyhow::{anyhow, bail, ensure};
 use serde::Serialize;
 use std::fmt;
 use std::path::Path;
+use taxel_hand::plural;
 use taxel_palpation::Classifier;
 use taxel_sequence::{Aligned, Alignment, Motion, SequenceError, Touch};
 use taxel_wire::{EventKind, Hello, Kind, Received, Subscriber};
@@ -302,7 +303,8 @@ impl Listener for Lines<'_> {
 
     fn lost(&mut self, frames: u32, seq: u64) {
         notices::warn(&format!(
-            "taxel: {frames} frames were lost before frame {seq}; this reader was slow"
+            "taxel: {} lost before frame {seq}; this reader was slow",
+            plural(frames, "frame")
         ));
     }
 }

@@ -8,6 +8,7 @@ use std::fmt::Write as _;
 use std::path::Path;
 use std::sync::atomic::{AtomicUsize, Ordering};
 use std::sync::{Mutex, PoisonError};
+use taxel_hand::plural;
 use taxel_playback::progress::Progress;
 use taxel_record::ReadOptions;
 
@@ -73,8 +74,8 @@ fn trials(jobs: &[Job], window: Option<f64>, seed: u64) -> anyhow::Result<Vec<Tr
 
 fn summary(trials: &[Trial]) -> String {
     let mut text = format!(
-        "{} motions, {} of them proved to have the best categories\n",
-        trials.len(),
+        "{}, {} of them proved to have the best categories\n",
+        plural(trials.len(), "motion"),
         {
             let proved = |trial: &&Trial| trial.rows.iter().all(|row| row.proved);
             trials.iter().filter(proved).count()

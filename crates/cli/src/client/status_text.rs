@@ -2,6 +2,7 @@
 
 use crate::seconds::duration_text;
 use std::fmt::Write;
+use taxel_hand::plural;
 use taxel_wire::status::{BoardStatus, BusStatus, JointsStatus, ProblemStatus, QuantileStatus, Status};
 
 /// Boards and joints with problems that are listed; the others are counted.
@@ -148,9 +149,9 @@ fn write_readers(status: &Status, out: &mut String) -> std::fmt::Result {
         };
         writeln!(
             out,
-            "         pid {}: {} images, {} skipped{} in {}; p99 {} old, gap {}{wants}",
+            "         pid {}: {}, {} skipped{} in {}; p99 {} old, gap {}{wants}",
             reader.pid.map_or("?".into(), |pid| pid.to_string()),
-            reader.images,
+            plural(reader.images, "image"),
             reader.skipped,
             match reader.paced {
                 0 => String::new(),

@@ -4,6 +4,7 @@ use super::palpation::Palpation;
 use crate::view::{lock, object};
 use serde_json::json;
 use std::sync::{Mutex, OnceLock};
+use taxel_hand::plural;
 use taxel_sim::Scene;
 use taxel_skin::Layout;
 use taxel_view::{Heading, Seen};
@@ -40,7 +41,7 @@ impl Meter {
             about: scene.about().into(),
             scene_seconds: scene.seconds(),
             scene_began_ns,
-            hand: format!("{}, {} taxels on {buses}", layout.name, layout.len()),
+            hand: format!("{}, {} on {buses}", layout.name, plural(layout.len(), "taxel")),
             seen: Mutex::default(),
             palpation: palpation.map(Mutex::new),
             end: OnceLock::new(),
@@ -85,8 +86,10 @@ impl Meter {
         let seen = lock(&self.seen);
         let display = match seen.hello().map(|hello| &hello.profile) {
             Some(profile) => format!(
-                "method {}, {} levels, {} actuators",
-                profile.method, profile.levels, profile.actuators
+                "method {}, {}, {}",
+                profile.method,
+                plural(profile.levels, "level"),
+                plural(profile.actuators, "actuator")
             ),
             None => "no display".into(),
         };

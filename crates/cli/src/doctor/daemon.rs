@@ -102,7 +102,7 @@ pub(super) fn check(status: &Status) -> Vec<Check> {
                 AREA,
                 "overruns",
                 "",
-                format!("{overruns} images given up, since it was held up"),
+                format!("{} given up, since it was held up", plural(overruns, "image")),
             )
             .wanted("none")
             .advise("real-time priority (see machine), fewer display profiles, or a less busy machine"),
@@ -172,7 +172,7 @@ fn check_bus(bus: &BusStatus) -> Vec<Check> {
     };
     let mut checks = Vec::new();
     if bus.problems.is_empty() {
-        let found = format!("{}, {}, {} frames", bus.link, bus.state, bus.received);
+        let found = format!("{}, {}, {}", bus.link, bus.state, plural(bus.received, "frame"));
         checks.push(Check::ok(AREA, "bus", &object, found));
     }
     let errors = bus.errors.frames.saturating_sub(bus.errors.lost_arbitration);

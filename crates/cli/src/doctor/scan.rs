@@ -304,7 +304,7 @@ pub(crate) fn words(bus: &Bus, found: &RecognisedBus, seconds: f64, unheard: &st
 
 fn boards(found: &RecognisedBus) -> String {
     let Some(first) = found.boards.first() else {
-        return format!("no board of a known skin in {} frames", found.frames);
+        return format!("no board of a known skin in {}", plural(found.frames, "frame"));
     };
     let kind = if first.hub.is_some() { "module" } else { "board" };
     let mut protocols: Vec<&str> = found.boards.iter().map(|b| b.protocol.name()).collect();

@@ -190,7 +190,7 @@ pub(crate) fn run(args: &Args) -> anyhow::Result<()> {
         }
         None => recorded(args)?,
     };
-    OutOfUse::of(&frames.sequence.force).tell("frames");
+    OutOfUse::of(&frames.sequence.force).tell("frame");
     if frames.sequence.is_empty() {
         bail!("{path}: no frame: it ends before its first tick or sweep is complete");
     }

@@ -154,7 +154,7 @@ impl Args {
     /// The same with the method as given, where anything is in contact. What is out of use is said.
     fn touched(&self, path: &Path, name: &str) -> anyhow::Result<Take> {
         let take = self.take(path, name, self.method)?;
-        if let Some(sentence) = OutOfUse::of(&take.force).sentence("frames") {
+        if let Some(sentence) = OutOfUse::of(&take.force).sentence("frame") {
             remark!("taxel: {name}: {sentence}");
         }
         if take.tightest().is_none() {

@@ -2,6 +2,7 @@
 
 use serde_json::{Value, json};
 use std::path::PathBuf;
+use taxel_hand::plural;
 use taxel_journal::Priority;
 use taxel_recorder::{CanInput, CanRead, Finished, Plan};
 use taxel_wire::status::ProblemStatus;
@@ -75,9 +76,11 @@ pub(crate) fn words(plan: &Plan, finished: &Finished) -> Vec<(Priority, String)>
         false => (
             Priority::Info,
             format!(
-                "{name}: {:.1} MB, {messages} messages; {images} images and {} CAN frames were read",
+                "{name}: {:.1} MB, {}; {} and {} were read",
                 bytes as f64 / 1e6,
-                can_frames(finished)
+                plural(*messages, "message"),
+                plural(*images, "image"),
+                plural(can_frames(finished), "CAN frame")
             ),
         ),
     };

@@ -1,6 +1,6 @@
 //! Which taxels of a recording are out of use, and why, in a sentence.
 
-use taxel_hand::{FORCE_MAX, FORCE_MIN, Fault, Faults, ForceFrame};
+use taxel_hand::{FORCE_MAX, FORCE_MIN, Fault, Faults, ForceFrame, plural};
 
 /// What was out of use, calibration over. Taxels that are missing have a sentence of their own.
 #[derive(Debug, Default)]
@@ -42,8 +42,8 @@ impl OutOfUse {
         self.frames += u64::from(any);
     }
 
-    /// In how many `frames`, as they are called here, and how many taxels for which reason; none where there was none.
-    pub(crate) fn sentence(&self, frames: &str) -> Option<String> {
+    /// In how many frames, of which one is called so here, and how many taxels for which reason; none where there was none.
+    pub(crate) fn sentence(&self, frame: &str) -> Option<String> {
         let mut reasons: Vec<String> = Vec::new();
         for fault in Fault::ALL {
             let count = self.faults.iter().filter(|faults| faults.contains(fault)).count();
@@ -61,15 +61,16 @@ impl OutOfUse {
         let count = self.frames;
         (count > 0).then(|| {
             format!(
-                "taxels are out of use in {count} {frames}: {}",
+                "taxels are out of use in {}: {}",
+                plural(count, frame),
                 reasons.join(", ")
             )
         })
     }
 
     /// Says so on stderr.
-    pub(crate) fn tell(&self, frames: &str) {
-        if let Some(sentence) = self.sentence(frames) {
+    pub(crate) fn tell(&self, frame: &str) {
+        if let Some(sentence) = self.sentence(frame) {
             remark!("taxel: {sentence}");
         }
     }
@@ -101,12 +102,12 @@ mod tests {
         frame.calibrating = true;
         frame.faults[3].insert(Fault::Dead);
         all.take(&frame);
-        assert_eq!(all.sentence("frames"), None);
+        assert_eq!(all.sentence("frame"), None);
         frame.calibrating = false;
         frame.faults.fill(Faults::NONE);
         frame.faults[0].insert(Fault::Missing);
         all.take(&frame);
-        assert_eq!(all.sentence("frames"), None, "missing is told elsewhere");
+        assert_eq!(all.sentence("frame"), None, "missing is told elsewhere");
         frame.faults[1].insert(Fault::Stuck);
         frame.faults[2].insert(Fault::Stuck);
         all.take(&frame);
@@ -114,7 +115,7 @@ mod tests {
         (frame.force[3], frame.contact[3]) = (1e39, true);
         all.take(&frame);
         assert_eq!(
-            all.sentence("images").as_deref(),
+            all.sentence("image").as_deref(),
             Some(
                 "taxels are out of use in 2 images: 2 stuck (not changed by one count; in use from the first change on), \
                  1 noisy (far more so than the others), 1 with a force that is not a number from 1e-38 to 1e38"
@@ -127,7 +128,7 @@ mod tests {
             .iter_mut()
             .for_each(|faults| faults.insert(Fault::Noisy));
         all.take(&frame);
-        let told = all.sentence("images").unwrap();
+        let told = all.sentence("image").unwrap();
         assert!(told.contains("3 noisy (jumping to and fro)"), "{told}");
     }
 }

@@ -3,6 +3,7 @@
 use anyhow::{Context, bail};
 use serde::Serialize;
 use serde_json::{Value, json};
+use taxel_hand::plural;
 use taxel_view::{Seen, Summary};
 use taxeld::stdout;
 
@@ -63,12 +64,12 @@ pub(super) fn print(seen: &Seen, name: &str, time: Time, as_json: bool) -> anyho
     } else {
         let hello = seen.hello().context(NO_HAND)?;
         stdout::print(&format!(
-            "{name}: {}, {} taxels; method {}, {} levels, {} actuators\n{}",
+            "{name}: {}, {}; method {}, {}, {}\n{}",
             hello.layout,
-            hello.taxels.len(),
+            plural(hello.taxels.len(), "taxel"),
             hello.profile.method,
-            hello.profile.levels,
-            hello.profile.actuators,
+            plural(hello.profile.levels, "level"),
+            plural(hello.profile.actuators, "actuator"),
             seen.summary(time.0, time.1)
         ))?;
     }

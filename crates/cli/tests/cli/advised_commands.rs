@@ -1,6 +1,8 @@
 //! Commands that messages tell people to type.
 
-use crate::fails;
+use crate::{fails, succeeds};
+use ndarray::Array2;
+use ndarray_npy::write_npy;
 use taxel_recorder::{Entry, Preamble, RecordingWriter, Topic};
 use tempfile::TempDir;
 
@@ -66,4 +68,30 @@ fn paths_in_commands_are_quoted_where_a_shell_would_take_them_apart() {
         let err = fails(&dir, args, 1);
         assert!(err.contains(command), "{args:?}: {err}");
     }
+}
+
+#[test]
+fn one_thing_is_not_told_in_the_plural() {
+    let dir = TempDir::new().unwrap();
+    write_npy(dir.path().join("one.npy"), &Array2::from_elem((1, 4), 9.0)).unwrap();
+    let args = ["compress", "one.npy", "--layout", "grid:2x2", "--out", "o.npz"];
+    let (_, err) = succeeds(&dir, &args);
+    assert!(err.contains("o.npz: 1 image of 2x2, 1 with contact"), "{err}");
+    let (out, _) = succeeds(
+        &dir,
+        &[
+            "view",
+            "one.npy",
+            "--layout",
+            "grid:2x2",
+            "--levels",
+            "1",
+            "--actuators",
+            "1",
+        ],
+    );
+    assert!(
+        out.contains("4 taxels; method optimal, 1 level, 1 actuator\n"),
+        "{out}"
+    );
 }

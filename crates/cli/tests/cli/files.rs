@@ -191,7 +191,7 @@ fn forces_that_no_image_can_carry_are_out_of_use_and_told() {
     let args = ["compress", "in.npy", "--layout", "grid:1x2", "--out", "out.jsonl"];
     let (_, err) = succeeds(&dir, &args);
     assert!(
-        err.contains("out of use in 1 images") && err.contains("1e38"),
+        err.contains("out of use in 1 image:") && err.contains("1e38"),
         "{err}"
     );
     let lines = std::fs::read_to_string(dir.path().join("out.jsonl")).unwrap();
@@ -251,7 +251,7 @@ fn cells_that_are_no_taxels_stay_empty_and_one_without_a_value_is_missing() {
         .concat();
         let (_, err) = succeeds(&dir, &args);
         assert!(
-            err.contains("taxels are missing in 1 images") && !err.contains("board_period"),
+            err.contains("taxels are missing in 1 image\n") && !err.contains("board_period"),
             "{err}"
         );
         let lines = std::fs::read_to_string(dir.path().join("out.jsonl")).unwrap();

@@ -3,6 +3,7 @@
 use super::{Judge, of_joints};
 use crate::kind::Kind;
 use crate::problem::{Place, Problem};
+use taxel_hand::plural;
 use taxel_joints::{AnalogueConfig, AnalogueSnapshot, NoAngle, PortState};
 
 /// Without a good line for so long, nothing comes.
@@ -107,7 +108,10 @@ pub fn unread_lines(config: &AnalogueConfig, malformed: u64, seconds: f64) -> Pr
     of_joints(
         Kind::AnalogueMalformed,
         Place::Joints,
-        format!("{malformed} lines of the potentiometers on {device} in {seconds:.1} s cannot be read"),
+        format!(
+            "{} of the potentiometers on {device} in {seconds:.1} s cannot be read",
+            plural(malformed, "line")
+        ),
         "look at the cable and the baud rate, and for other things that the microcontroller prints: a line is numbers, or \
          names each with a number",
         format!("the lines of the potentiometers on {device} can be read"),

@@ -10,6 +10,7 @@ use std::io::{BufReader, Seek};
 use std::path::Path;
 use std::sync::Arc;
 use taxel_can::{LogError, LogReader, MOST_INTERFACES, NumberedFrame, Received};
+use taxel_hand::plural;
 use taxel_recorder::CanReader;
 
 /// Frames between two looks at how far a file is read.
@@ -91,7 +92,7 @@ impl Interfaces<'_> {
         let met = self.met.iter().flatten();
         let left_out = met.filter(|interface| interface.place.is_none());
         left_out
-            .map(|interface| format!("{} frames of {}", interface.frames, interface.name))
+            .map(|interface| format!("{} of {}", plural(interface.frames, "frame"), interface.name))
             .collect()
     }
 }
@@ -112,9 +113,9 @@ impl LeftOut {
     fn tell(&self, path: &Path) {
         if let Some(first) = &self.first {
             remark!(
-                "taxel: {}: {} lines are not classic CAN frames; the first: {first}",
+                "taxel: {}: {} without a classic CAN frame; the first: {first}",
                 path.display(),
-                self.lines
+                plural(self.lines, "line")
             );
         }
     }
@@ -355,7 +356,10 @@ fn tell_left_out(path: &Path, reader: &CanReader) {
         remark!("taxel: {path}: {sentence}");
     }
     if reader.lost() > 0 {
-        remark!("taxel: {path}: the recorder lost {} frames", reader.lost());
+        remark!(
+            "taxel: {path}: the recorder lost {}",
+            plural(reader.lost(), "frame")
+        );
     }
     if reader.undecodable() > 0 {
         remark!(

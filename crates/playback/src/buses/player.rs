@@ -14,6 +14,7 @@ use std::sync::{Mutex, PoisonError};
 use std::thread::{self, Scope};
 use std::time::{Duration, Instant};
 use taxel_can::{ClockJumps, Received};
+use taxel_hand::plural;
 
 /// From the last frame of one pass to the first of the next, with --loop.
 const PASS_GAP_NS: u64 = 1_000_000;
@@ -205,7 +206,11 @@ impl Player {
             latest,
             ..
         } = self;
-        let mut text = format!("{} frames sent in {:.1} s", targets.sent(), took.as_secs_f64());
+        let mut text = format!(
+            "{} sent in {:.1} s",
+            plural(targets.sent(), "frame"),
+            took.as_secs_f64()
+        );
         if passes > 1 {
             text += &format!(", {passes} passes");
         }

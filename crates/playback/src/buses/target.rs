@@ -13,6 +13,7 @@ use taxel_can::{
     CanFrame, CanSource, LinkState, LogWriter, PressureSender, Received, SendError, SourceAddress,
     SourceOptions,
 };
+use taxel_hand::plural;
 use taxel_skin::Layout;
 
 /// How long a frame waits for a full transmit queue.
@@ -172,9 +173,9 @@ impl Target {
     fn check(&self) -> anyhow::Result<()> {
         match &self.failure {
             Some(failure) => bail!(
-                "{}: {} frames could not be sent: {failure}",
+                "{}: {} could not be sent: {failure}",
                 self.address,
-                self.failed
+                plural(self.failed, "frame")
             ),
             None => Ok(()),
         }

@@ -126,8 +126,8 @@ fn frames_and_wall_marks(
     tell_left_out(&name, &reader);
     if let Some(rest_ns) = rest_ns {
         remark!(
-            "taxel: {name}: the daemon began anew after {} frames{}; read up to there{}",
-            times_ns.len(),
+            "taxel: {name}: the daemon began anew after {}{}; read up to there{}",
+            plural(times_ns.len(), "frame"),
             hand.with_another(),
             rest(&name, rest_ns)
         );
@@ -179,8 +179,8 @@ pub fn images(path: &Path) -> anyhow::Result<ShownImages> {
         };
         if hand.another().is_some() {
             remark!(
-                "taxel: {name}: the daemon began anew after {} images{}; read up to there{}",
-                images.len(),
+                "taxel: {name}: the daemon began anew after {}{}; read up to there{}",
+                plural(images.len(), "image"),
                 hand.with_another(),
                 rest(&name, hand.described_ns.unwrap_or(wall_ns))
             );
@@ -189,10 +189,10 @@ pub fn images(path: &Path) -> anyhow::Result<ShownImages> {
         let shape = |image: &TactileImage| (image.width, image.height, image.joints.len());
         if let Some(first) = images.first().filter(|first| shape(first) != shape(&image)) {
             remark!(
-                "taxel: {name}: images of {} x {} and {} joints after {} of {} x {} and {}; read up to there{}",
+                "taxel: {name}: images of {} x {} and {} after {} of {} x {} and {}; read up to there{}",
                 image.height,
                 image.width,
-                image.joints.len(),
+                plural(image.joints.len(), "joint"),
                 images.len(),
                 first.height,
                 first.width,

@@ -2,6 +2,7 @@
 
 use serde::Serialize;
 use std::fmt::Write;
+use taxel_hand::plural;
 use taxel_wire::{Flags, Header, ImageView};
 
 /// The object that `taxel watch --json` prints for each image; its keys are fixed.
@@ -100,8 +101,8 @@ pub fn joints(angles: impl ExactSizeIterator<Item = f32>) -> String {
     let all = angles.len();
     match (all, angles.filter(|angle| angle.is_finite()).count()) {
         (0, _) => String::new(),
-        (_, known) if known == all => format!("  {all} joints"),
-        (_, known) => format!("  {known} of {all} joints"),
+        (_, known) if known == all => format!("  {}", plural(all, "joint")),
+        (_, known) => format!("  {known} of {}", plural(all, "joint")),
     }
 }
 

@@ -16,6 +16,7 @@ use crate::screen::{Right, Screen};
 use ratatui::buffer::Buffer;
 use ratatui::layout::{Margin, Position, Rect};
 use ratatui::style::{Modifier, Style};
+use taxel_hand::plural;
 
 /// Lines below the panels.
 const LINES: u16 = 4;
@@ -193,7 +194,7 @@ fn draw_panels(buffer: &mut Buffer, area: Rect, picture: &Picture, screen: &Scre
         panels,
         lower,
     } = &arrangement;
-    let title = format!("raw: {} taxels", picture.hand.len());
+    let title = format!("raw: {}", plural(picture.hand.len(), "taxel"));
     let origin = panel(buffer, panels[0], &title, picture, raster, palette);
     hand::skin(buffer, origin, raster, picture, screen, palette);
     draw_bars(buffer, origin, picture, raster, palette);
@@ -204,7 +205,7 @@ fn draw_panels(buffer: &mut Buffer, area: Rect, picture: &Picture, screen: &Scre
     };
     match right {
         Right::Image => {
-            let title = format!("tactile image: {} actuators", picture.max_actuators);
+            let title = format!("tactile image: {}", plural(picture.max_actuators, "actuator"));
             let origin = panel(buffer, panels[1], &title, picture, raster, palette);
             hand::image(buffer, origin, raster, picture, palette);
         }

@@ -82,7 +82,7 @@ fn rate_and_latency_are_those_of_the_images() {
     for part in [
         "images     200 in 4.0 s, 50.0 Hz",
         "p50 0.25 ms",
-        "in 100 % of images, up to 1 taxels",
+        "in 100 % of images, up to 1 taxel and",
         "calibrated before the start",
     ] {
         assert!(summary.contains(part), "{part}: {summary}");

@@ -12,7 +12,7 @@ use super::picture;
 use std::collections::BTreeMap;
 use taxel_can::{CanFrame, LinkState, SourceCounters};
 use taxel_diagnose::{BusView, Kind, Place, Problem, Starting, board_name};
-use taxel_hand::{Faults, shell_word};
+use taxel_hand::{Faults, plural, shell_word};
 use taxel_skin::{BoardStatus, BoardsConfig, DiscoveryReport, Finding, Layout};
 
 const AREA: &str = "hand";
@@ -183,7 +183,10 @@ fn check_traffic(index: u8, bus: &BusFacts, facts: &HandFacts) -> Vec<Check> {
     let mut checks = vec![check_load(bus, facts.seconds)];
     checks.extend(check_errors(index, bus, facts));
     if bus.counters.lost_in_kernel > 0 && !facts.has(index, &[Kind::FramesLost]) {
-        let found = format!("{} frames lost in the kernel", bus.counters.lost_in_kernel);
+        let found = format!(
+            "{} lost in the kernel",
+            plural(bus.counters.lost_in_kernel, "frame")
+        );
         checks.push(
             Check::warning(AREA, "lost frames", &bus.name, found)
                 .wanted("none")

@@ -99,7 +99,8 @@ fn boards(
             false => (
                 "unexpected board",
                 format!(
-                    "sends {count} frames of {ids} and is not in the layout ({})",
+                    "sends {} of {ids} and is not in the layout ({})",
+                    plural(count, "frame"),
                     protocol.name()
                 ),
             ),
@@ -118,7 +119,7 @@ fn unknown(bus: &str, strangers: &Strangers) -> Option<Check> {
     let more = if strangers.len() > ids.len() { ", ..." } else { "" };
     let frames: u64 = strangers.iter().map(|(_, heard)| heard.count).sum();
     let count = plural(strangers.len(), "id");
-    let found = format!("{frames} frames of {count}: {}{more}", ids.join(", "));
+    let found = format!("{} of {count}: {}{more}", plural(frames, "frame"), ids.join(", "));
     Some(Check::warning(AREA, "unknown ids", bus, found).wanted("only boards of the hand on the bus"))
 }
 
