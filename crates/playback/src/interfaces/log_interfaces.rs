@@ -393,7 +393,7 @@ impl Survey<'_> {
             format!("`taxel doctor --scan {}`", shell_word(source))
         };
         match self.scan {
-            true => scan(&self.path),
+            true => scan(self.path),
             false => {
                 let log = self.path.with_extension("log");
                 let (path, of_log) = (shell_word(self.path.display()), shell_word(log.display()));
