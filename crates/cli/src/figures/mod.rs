@@ -10,7 +10,6 @@ use crate::compress::method_parser;
 use crate::errors::wrong_use;
 use crate::recordings::input::{TIMES_S, number};
 use crate::recordings::offline::OfflineArgs;
-use crate::recordings::out_of_use::OutOfUse;
 use anyhow::{Context, bail};
 use serde_json::json;
 use std::fs;
@@ -84,12 +83,16 @@ pub(crate) fn run(args: &Args) -> anyhow::Result<()> {
         return args.draw(&take, by_paper.as_ref());
     }
     let mut overview = overview::Overview::default();
+    let mut named_left_out = 0;
     for (path, name) in paths.iter().zip(&names) {
         match args.touched(path, name) {
             Ok(take) => overview.add(&take)?,
-            Err(error) if args.names(path) => return Err(error),
+            Err(error) if is_absent(path) => return Err(error),
             // A folder may hold other things.
-            Err(error) => remark!("taxel: left out: {}", crate::errors::describe(&error)),
+            Err(error) => {
+                named_left_out += usize::from(args.names(path));
+                remark!("taxel: left out: {}", crate::errors::describe(&error));
+            }
         }
     }
     if overview.is_empty() {
@@ -100,10 +103,19 @@ pub(crate) fn run(args: &Args) -> anyhow::Result<()> {
     }
     args.write("recordings", &overview.sheet())?;
     args.write_text("recordings-table.csv", &overview.table())?;
-    if args.json {
-        return Ok(());
+    if !args.json {
+        stdout::print(&overview.human())?;
     }
-    stdout::print(&overview.human())
+    anyhow::ensure!(
+        named_left_out == 0,
+        "of the recordings that were named, {named_left_out} could not be drawn"
+    );
+    Ok(())
+}
+
+/// Whether there is no such file.
+fn is_absent(path: &Path) -> bool {
+    !path.to_string_lossy().starts_with("sim:") && !path.exists()
 }
 
 impl Args {
@@ -154,7 +166,7 @@ impl Args {
     /// The same with the method as given, where anything is in contact. What is out of use is said.
     fn touched(&self, path: &Path, name: &str) -> anyhow::Result<Take> {
         let take = self.take(path, name, self.method)?;
-        if let Some(sentence) = OutOfUse::of(&take.force).sentence("frame") {
+        if let Some(sentence) = take.out_of_use.sentence("frame") {
             remark!("taxel: {name}: {sentence}");
         }
         if take.tightest().is_none() {

@@ -82,7 +82,8 @@ impl Overview {
             .zip(&take.force)
             .filter(|(_, frame)| frame.contacts() > 0)
             .map(|(s, _)| s)
-            .sum();
+            // A sum of none is -0.
+            .fold(0.0, |all, s| all + s);
         let strongest = touched().map(|taxel| frame.force[taxel]).fold(0.0, f64::max);
         let shown = image.actuators.iter().map(|a| a.force).fold(0.0, f64::max);
         self.rows.push(Row {
@@ -104,7 +105,7 @@ impl Overview {
         let caption = |force| format!("strongest {}", amount(force, take.unit));
         self.pictures.push([
             felt(take, index, take.name.clone()).caption(caption(strongest)),
-            compressed(take, image, "shown".into()).caption(caption(shown)),
+            compressed(take, image, format!("shown: {}", take.name)).caption(caption(shown)),
         ]);
         Ok(())
     }

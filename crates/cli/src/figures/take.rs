@@ -2,9 +2,12 @@
 
 use crate::recordings::input::Input;
 use crate::recordings::offline::{OfflineArgs, ends_within_calibration};
+use crate::recordings::out_of_use::OutOfUse;
 use anyhow::{Context, bail};
 use taxel_compress::Compressor;
-use taxel_hand::{ForceFrame, Method, Profile, TactileFrame, TactileImage, did_you_mean};
+use taxel_hand::{
+    FORCE_MAX, FORCE_MIN, ForceFrame, Method, Profile, TactileFrame, TactileImage, did_you_mean,
+};
 use taxel_skin::{ConditionConfig, Layout};
 
 /// A contact that is away for no longer is the same contact, frames.
@@ -24,7 +27,9 @@ pub(super) struct Take {
     pub(super) tactile: Vec<TactileFrame>,
     /// The first baseline of each taxel, counts x, y, z; not a number where it never had one.
     pub(super) rest: Vec<[f32; 3]>,
+    /// Without the contacts that are out of use since their force is none that an image can carry, as in a compressor.
     pub(super) force: Vec<ForceFrame>,
+    pub(super) out_of_use: OutOfUse,
     /// How counts are conditioned.
     conditioning: ConditionConfig,
     /// When it begins, nanoseconds.
@@ -55,6 +60,7 @@ impl Take {
             tactile: Vec::new(),
             rest: vec![[f32::NAN; 3]; config.layout.len()],
             force: Vec::new(),
+            out_of_use: OutOfUse::default(),
             conditioning: config.conditioning.clone(),
             begins_ns: match &input {
                 Input::Frames(recording) => recording.t_ns(0),
@@ -70,7 +76,12 @@ impl Take {
                     }
                 }
             }
-            take.force.push(felt.force.clone());
+            take.out_of_use.take(felt.force);
+            let mut frame = felt.force.clone();
+            for (contact, force) in frame.contact.iter_mut().zip(&frame.force) {
+                *contact &= (FORCE_MIN..=FORCE_MAX).contains(force);
+            }
+            take.force.push(frame);
             Ok(())
         })?;
         if !take.tactile.is_empty() {
@@ -268,6 +279,7 @@ mod tests {
             tactile: Vec::new(),
             rest: Vec::new(),
             force: force.collect(),
+            out_of_use: OutOfUse::default(),
             conditioning: ConditionConfig::default(),
             begins_ns: 0,
         }

@@ -1,7 +1,8 @@
 //! `taxel figures`: the first publication's figures, with their numbers.
 
 use crate::{fails, succeeds};
-use ndarray::Array3;
+use ndarray::{Array2, Array3};
+use ndarray_npy::write_npy;
 use std::fs;
 use tempfile::TempDir;
 
@@ -456,5 +457,56 @@ fn what_changed_is_measured_from_where_the_baseline_is_and_a_touch_ends_while_it
                 );
             }
         }
+    }
+}
+
+#[test]
+fn a_named_recording_that_cannot_be_drawn_hides_no_other() {
+    let dir = TempDir::new().unwrap();
+    for (name, text) in [
+        ("a.csv", "0,1,2,3\n"),
+        ("idle.csv", "0,0,0,0\n"),
+        ("b.csv", "0,0,9,0\n"),
+    ] {
+        fs::write(dir.path().join(name), text).unwrap();
+    }
+    let args = [
+        "figures", "a.csv", "idle.csv", "b.csv", "--layout", "grid:2x2", "--out", "out",
+    ];
+    let err = fails(&dir, &args, 1);
+    assert!(err.contains("left out: idle.csv: nothing is in contact"), "{err}");
+    assert!(
+        err.ends_with("of the recordings that were named, 1 could not be drawn\n"),
+        "{err}"
+    );
+    let table = rows(&dir, "recordings-table.csv", "");
+    let told: Vec<(&str, &str)> = table
+        .iter()
+        .map(|row| (row[0].as_str(), row[2].as_str()))
+        .collect();
+    assert_eq!(told, [("recording", "contact_s"), ("a", "0.00"), ("b", "0.00")]);
+    assert_eq!(rows(&dir, "recordings.csv", "shown: b").len(), 4);
+}
+
+#[test]
+fn a_force_that_no_image_can_carry_is_out_of_use_in_figures_too() {
+    let dir = TempDir::new().unwrap();
+    for garbage in [1e39, 1e-42] {
+        let values = Array2::from_shape_fn((30, 4), |(t, n)| match (t, n) {
+            (7, 3) => garbage,
+            (10..20, 1) => 40.0 + t as f64,
+            _ => 0.0,
+        });
+        write_npy(dir.path().join("grasp.npy"), &values).unwrap();
+        let args = ["figures", "grasp.npy", "--layout", "grid:2x2", "--out", "out"];
+        let (_, err) = succeeds(&dir, &args);
+        assert!(
+            err.contains("taxels are out of use in 1 frame: 1 with a force"),
+            "{err}"
+        );
+        let strongest = rows(&dir, "grasp-time.csv", "each frame its own (optimal)");
+        let forces = strongest.iter().filter_map(|row| row.get(4)?.parse::<f64>().ok());
+        let most = forces.fold(0.0, f64::max);
+        assert!((1.0..1000.0).contains(&most), "{garbage}: {most}");
     }
 }
