@@ -301,7 +301,7 @@ def test_a_bus_of_other_boards_than_the_layout_has_points_to_the_layout(start, b
     daemon = start()
     buses.send([(0, can.Message(arbitration_id=0x044 + n % 4, is_extended_id=False, data=bytes(8))) for n in range(16)])
     told = lambda: [p["sentence"] for p in daemon.status()["problems"] if p["bus"] == "can0"]
-    eventually(lambda: told() and "taxel doctor --scan udp:" in told()[0], told)
+    eventually(lambda: told() and "taxel doctor --scan 'udp:" in told()[0], told)
     assert "no board of layout allegro-uskin-15 speaks, and 16 frames have ids of nobody" in told()[0]
     status = subprocess.run([binary("taxel"), "status", "--socket", daemon.control_path], capture_output=True, text=True)
     assert told()[0] in status.stdout
