@@ -66,6 +66,8 @@ class Lockstep:
             self.calibration.append(frames)
         for again in range(5):
             try:
+                if again:
+                    self._wait_for_silence()
                 if calibrating and again:  # the first frames are remembered: begin anew
                     self._calibrate_again()
                 return self._image_of(frames)
@@ -93,6 +95,11 @@ class Lockstep:
             return next_full_image(self.reader, sent_from=self.began_at, oldest_s=oldest_s)
         except AssertionError as error:
             raise AssertionError(f"{error}; status: {self.daemon.status()}") from None
+
+    def _wait_for_silence(self):
+        """Until nothing of a sweep is under way: the end of one and the beginning of the next would be an image, too."""
+        while next_image(self.reader).missing < len(self.hand):
+            pass
 
     def _calibrate_again(self):
         assert self.daemon.control("rezero")["ok"]
@@ -130,6 +137,8 @@ def next_full_image(reader, seconds=HANGS_AFTER_S, sent_from=None, oldest_s=0.0)
             if image.header.t_ns >= 1e9 * oldest_s:
                 return image
             continue
+        if sent_from is not None and image.header.t_ns < 1e9 * (sent_from - BOARD_PERIOD_S / 2):
+            continue  # of what was sent before
         if image.skipped:
             overtaken_at = min(overtaken_at, time.monotonic() + OVERTAKEN_S)
         if time.monotonic() > overtaken_at:
