@@ -371,6 +371,7 @@ impl HandListener<'_> {
             boards: (0..layout.modules.len())
                 .map(|board| self.engine.board(board as u16))
                 .collect(),
+            readings: self.extreme.iter().map(|[.., all]| *all).collect(),
             discovery,
             findings: std::mem::take(&mut self.findings),
             problems: std::mem::take(&mut self.noted),

@@ -48,7 +48,10 @@ pub(super) fn check(layout: &Layout, bus: u8, facts: &HandFacts) -> Vec<Check> {
             continue;
         }
         let is_told = facts.has_of_board(index) || facts.has(bus, &[Kind::BusSilent, Kind::BusOff]);
-        let speaks = check_living(board_name(layout, index), counters);
+        let module = &layout.modules[index];
+        let taxels = module.first_taxel as usize..(module.first_taxel + module.taxels) as usize;
+        let readings = facts.readings.get(taxels).unwrap_or_default();
+        let speaks = check_living(board_name(layout, index), counters, readings);
         checks.extend(speaks.into_iter().filter(|c| !is_told || c.state != State::Ok));
     }
     checks
@@ -59,13 +62,20 @@ fn found_of(facts: &HandFacts, module: usize) -> Option<&FoundBoard> {
     discovery.boards.iter().find(|b| b.module == Some(module as u16))
 }
 
-fn check_living(object: String, counters: &BoardStatus) -> Vec<Check> {
+/// `readings`: how many each of its taxels had.
+fn check_living(object: String, counters: &BoardStatus, readings: &[u32]) -> Vec<Check> {
     let mut checks = Vec::new();
     let rate = counters
         .period_ns
         .map_or("heard".into(), |ns| format!("{:.1} Hz", 1e9 / ns as f64));
-    // A reading that is not in its own sweep and comes twice in the one behind was late, and not lost.
-    let late = counters.missed.min(counters.duplicate);
+    // A reading that is not in its own sweep and comes twice in the one behind was late, and not lost. Nor was anything where
+    // every taxel came as often as the others: sweeps that are drawn out were taken for two.
+    let (least, most) = (readings.iter().min(), readings.iter().max());
+    let is_whole = least.zip(most).is_some_and(|(least, most)| most - least <= 1);
+    let late = match is_whole {
+        true => counters.missed,
+        false => counters.missed.min(counters.duplicate),
+    };
     let due = (counters.used + counters.missed) as f64;
     let share = |readings: u64| 100.0 * readings as f64 / due.max(1.0);
     let missing = share(counters.missed - late);
@@ -84,7 +94,7 @@ fn check_living(object: String, counters: &BoardStatus) -> Vec<Check> {
         );
         Check::warning(AREA, "board", &object, found)
             .wanted(wanted)
-            .advise("its sweeps come in bursts: this machine is busy, or whatever sends them")
+            .advise("its sweeps come in bursts, or drawn out: this machine is busy, or whatever sends them")
     } else {
         Check::ok(AREA, "board", &object, rate)
     });

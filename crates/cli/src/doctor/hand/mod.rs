@@ -94,6 +94,8 @@ pub(super) struct HandFacts {
     pub(super) buses: Vec<BusFacts>,
     /// By module.
     pub(super) boards: Vec<BoardStatus>,
+    /// By taxel: how many readings it had, all of them.
+    pub(super) readings: Vec<u32>,
     pub(super) discovery: Option<DiscoveryReport>,
     /// What the traffic showed at any time.
     pub(super) findings: Vec<Finding>,

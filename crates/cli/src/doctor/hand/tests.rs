@@ -35,6 +35,7 @@ fn healthy() -> HandFacts {
         seconds: 2.0,
         buses: vec![bus("can0"), bus("can1")],
         boards: vec![living(); 15],
+        readings: (0..240).map(|taxel| 1000 - 3 * (taxel % 2)).collect(),
         discovery: None,
         findings: Vec::new(),
         problems: Vec::new(),
@@ -142,7 +143,7 @@ fn each_thing_that_is_wrong_is_found_where_it_is() {
     let fault = |fault: Fault, taxels: usize| {
         move |f: &mut HandFacts| f.faults[..taxels].iter_mut().for_each(|set| set.insert(fault))
     };
-    let cases: [(Vec<Check>, State, &str, &str, &str); 19] = [
+    let cases: [(Vec<Check>, State, &str, &str, &str); 20] = [
         (
             found(|f| f.boards[3].state = BoardState::NeverSeen),
             State::Error,
@@ -170,6 +171,17 @@ fn each_thing_that_is_wrong_is_found_where_it_is() {
             "board",
             "index tip (can0 board 0)",
             "8.6 % of its readings a sweep late; none is missing",
+        ),
+        (
+            found(|f| {
+                f.boards[0].missed = 100;
+                f.readings[..16].fill(999);
+                f.readings[3] = 1000;
+            }),
+            State::Warning,
+            "board",
+            "index tip (can0 board 0)",
+            "9.1 % of its readings a sweep late; none is missing",
         ),
         (
             found(|f| f.boards[0].queue_overflows = 2),
