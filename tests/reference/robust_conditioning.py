@@ -222,10 +222,14 @@ class RobustConditioner:
         noisy = noise > max(median + NOISE_SIGMAS * sigma, floor)
         # There is no way back from these here: the tests' frames have none.
         self.faulty = ~alive | noisy
-        moved = judge_movement([r for r, u in zip(rest, usable) if u])
+        # Most taxels of a skin without noise keep one value at rest; in a hand with noise those that do are dead, and few.
+        keeps_still = 2 * np.sum(self.stuck) > np.sum(alive)
+        moved = judge_movement([r for r, u in zip(rest, alive if keeps_still else usable) if u])
         self.baseline = np.array([r.baseline for r in rest])
         self.rested_at = self.baseline.copy()
-        healthy = usable & ~noisy
+        # What wanders on a skin that keeps still is a touch, and not how the skin rests.
+        touch = np.array([keeps_still and r.wanders for r in rest])
+        healthy = usable & ~noisy & ~touch
         untouched = healthy & ~np.array([r.touched for r in rest])
         peaks = np.array([r.peak for r in rest])
         noise_peaks = np.array([r.noise_peak for r in rest])

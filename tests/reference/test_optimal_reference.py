@@ -224,3 +224,12 @@ def test_a_taxel_that_does_not_change_is_stuck_until_it_does_and_has_the_baselin
         force, contact, faulty = conditioner.feed(rest, np.full(2, i * 33 * MS), i * 33 * MS)
         assert force.tolist() == [z - 300, 0.0] and faulty.tolist() == [i == 13, True]
         assert contact.tolist() == [14 <= i <= 16, False]
+
+
+def test_a_taxel_that_is_pressed_while_the_others_do_not_change_is_not_the_hand():
+    conditioner = RobustConditioner(4)
+    for i in range(13):
+        counts = np.array([[100, 200, 300 + 20 * i]] + [[400, 500, 600]] * 3)
+        conditioner.feed(counts, np.full(4, i * 33 * MS), i * 33 * MS)
+    assert conditioner.calibrated and conditioner.stuck.tolist() == [False, True, True, True]
+    assert conditioner.threshold == 10.0

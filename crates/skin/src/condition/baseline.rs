@@ -24,6 +24,11 @@ const SLOW_VARIANCES: f64 = 3.0;
 const WANDER_VARIANCES: f64 = 12.0;
 /// ... and their spread is more than this, counts, and than a step: what wanders less moves no threshold far.
 const WANDER_COUNTS: f64 = 20.0;
+/// Of the few samples at the end of the window those of slow noise vary by so many times as much as from sample to sample, since
+/// their mean goes with them: in the last quarter of the window,
+const END_VARIANCES: f64 = 2.0;
+/// ... but in so many samples at least, or its last half.
+const END_SAMPLES: usize = 11;
 /// Noise is looked for in parts of a half of the window that have so many samples at least, or in the half,
 const NOISE_SAMPLES: usize = 10;
 /// ... in at most so many of them.
@@ -76,6 +81,8 @@ pub(super) struct TaxelIdle {
     pub(super) noise_peak: f64,
     /// Whether its samples vary far more slowly than noise, outliers left out.
     pub(super) wanders: bool,
+    /// Whether its last samples go further than noise, and more slowly: whatever began is not over when the window is.
+    pub(super) ends_slow: bool,
     /// Whether the level moved, as under a touch.
     pub(super) touched: bool,
     /// Whether no axis changed by one count.
@@ -232,6 +239,11 @@ impl Windows {
                 false => halves.iter().map(|half| half.noise_peak).fold(0.0, f64::max),
             };
             idle.halves = Some(halves);
+            // An odd number: what a clean touch begins with is never half of them, and an outlier.
+            let end = ((kept / 4).max(END_SAMPLES).min(last.len()) - 1) | 1;
+            let end = &last[last.len() - end..];
+            let usual = Usual::of(end, steps, outlier_sigmas, &mut self.scratch);
+            idle.ends_slow = usual.goes_slowly(end, noise, idle.step);
         }
         Some(idle)
     }
@@ -306,6 +318,14 @@ impl Usual {
         pairs.flatten().map(off).sum::<f64>() / used
     }
 
+    /// Whether the samples are noisier than those of the window, of which it has the variance from sample to sample, and
+    /// more slowly than noise.
+    fn goes_slowly(&self, samples: &[[i32; 3]], over: f64, step: u32) -> bool {
+        let noise: f64 = self.successive_variance(samples).iter().sum();
+        let variance = self.variance(samples);
+        noise > NOISIER_VARIANCES * over && variance > END_VARIANCES * noise && is_far(variance, step)
+    }
+
     /// How far the samples go from their mean, outliers left out, where they are noisier than those `over` the window, of
     /// which it has the variance from sample to sample and the rest, about the same level; 0 where they are not.
     fn peak_where_noisier(&self, samples: &[[i32; 3]], over: (f64, Rest), mode: MagnitudeMode) -> f64 {
@@ -346,11 +366,16 @@ impl Usual {
     }
 }
 
-/// Whether samples of this variance, and of so much from one to the next, vary far more slowly than noise. On the edge of a
-/// step they may rest above it for long, and then below.
+/// Whether samples of this variance, and of so much from one to the next, vary far more slowly than noise.
 fn wanders(variance: f64, noise: f64, step: u32) -> bool {
+    is_far(variance, step) && variance > WANDER_VARIANCES * noise
+}
+
+/// Whether samples of this variance go far enough to matter. On the edge of a step they may rest above it for long, and then
+/// below.
+fn is_far(variance: f64, step: u32) -> bool {
     let least = WANDER_COUNTS.max(f64::from(step));
-    variance > least * least && variance > WANDER_VARIANCES * noise
+    variance > least * least
 }
 
 /// Largest difference between the medians of the window's four quarters on one axis.

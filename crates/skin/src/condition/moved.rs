@@ -33,10 +33,8 @@ impl Conditioner {
     /// a few did, only where these are.
     pub(super) fn judge_movement(&mut self) {
         let taxels = self.baseline.len();
-        let used = |n: &usize| {
-            let taxel = &self.taxels[*n];
-            taxel.has_baseline && taxel.standing.is_empty() && !self.calibration.idle[*n].constant
-        };
+        let keeps_still = self.keeps_still();
+        let used = |n: &usize| self.is_usable(*n) && (keeps_still || !self.calibration.idle[*n].constant);
         let used = || (0..taxels).filter(used);
         let are_most = |count: usize| 2 * count > used().count();
         let moved = (0..2).find(|half| are_most(used().filter(|n| self.moves(*n, *half)).count()));
@@ -48,9 +46,12 @@ impl Conditioner {
             }
         };
         let wandering = used().filter(wander).count();
+        // What begins at the end are outliers, and the hand rests without them.
+        let ending = used().filter(|n| self.calibration.idle[*n].ends_slow).count();
         let movement = match moved {
             _ if are_most(wandering) => Movement::InBothHalves,
             Some(_) => Movement::InOneHalf,
+            None if are_most(ending) => Movement::InOneHalf,
             None if wandering > 0 => Movement::Taxels(wandering as u32),
             None => Movement::None,
         };
@@ -61,6 +62,18 @@ impl Conditioner {
             (None, Movement::Taxels(_)) => self.few_rest_in_the_quieter_half(),
             _ => {}
         }
+    }
+
+    /// Whether a taxel has a baseline, and nothing stands against it.
+    fn is_usable(&self, n: usize) -> bool {
+        self.taxels[n].has_baseline && self.taxels[n].standing.is_empty()
+    }
+
+    /// Whether most taxels keep one value, as those of a skin without noise do at rest. In a hand with noise a taxel that does is
+    /// dead, and there are few.
+    pub(super) fn keeps_still(&self) -> bool {
+        let usable = || (0..self.baseline.len()).filter(|n| self.is_usable(*n));
+        2 * usable().filter(|n| self.calibration.idle[*n].constant).count() > usable().count()
     }
 
     /// All taxels rest as in the half in which the hand did not move.

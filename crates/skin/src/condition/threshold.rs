@@ -46,7 +46,9 @@ impl Conditioner {
         };
         let count = |or_noisy| (0..self.baseline.len()).filter(|n| rests(n, or_noisy)).count();
         let are_noisy = 2 * count(false) < count(true);
-        let healthy = |n: &usize| rests(n, are_noisy);
+        // What wanders on a skin that keeps still is a touch, and not how the skin rests.
+        let keeps_still = self.keeps_still();
+        let healthy = |n: &usize| rests(n, are_noisy) && !(window && keeps_still && idle[*n].wanders);
         let peak = |n: usize| idle[n].rest.peak;
         let all = (0..self.baseline.len()).filter(healthy);
         let rests_in_half = self.calibration.rests_in_half;

@@ -374,6 +374,40 @@ fn contact_is_above_loud_noise_that_begins_while_a_hand_is_calibrated() {
 }
 
 #[test]
+fn slow_noise_that_begins_at_the_end_of_the_time_a_hand_is_calibrated_in_is_told() {
+    // It is an outlier of most of that time, and cannot be told from movement.
+    for rate_hz in [30, 60, 100, 200] {
+        for loud in [100.0, 300.0, 1000.0] {
+            for seed in 0..8 {
+                let inertia = (-1.0 / (0.3 * rate_hz as f64)).exp();
+                let sigma = |_: usize, t: f64| if t < 1.1 { 2.0 } else { loud };
+                let noisy = NoisyHand::calibrated_of(seed, rate_hz, inertia, sigma);
+                let case = format!("noise of {loud} that changes in 0.3 s, at {rate_hz} Hz");
+                assert_eq!(moved(&noisy.hand), Movement::InOneHalf, "{case}");
+            }
+        }
+    }
+}
+
+#[test]
+fn a_touch_of_the_whole_hand_that_begins_when_its_calibration_ends_is_left_out() {
+    // Where not even half of its last half is touched. It may tremble, from sample to sample.
+    for tremble in [3, 15] {
+        for frame in 69..90 {
+            let begin_s = f64::from(frame) / RATE_HZ as f64;
+            let is_touched = |t: f64| t > begin_s - 1e-6;
+            let noise = |t: f64| if is_touched(t) { [tremble; 3] } else { [2, 2, 3] };
+            let mut hand = calibrated_with(noise, |_, t| if is_touched(t) { 300.0 } else { 0.0 });
+            let case = format!("from {begin_s} s on, trembling by {tremble}");
+            assert_eq!(moved(&hand), Movement::None, "{case}");
+            hand.noise.fill([2, 2, 3]);
+            hand.step_with(|_| {});
+            check_rest(&mut hand, &case);
+        }
+    }
+}
+
+#[test]
 fn contact_is_above_noise_that_has_all_taxels_out_of_use_when_the_calibration_ends() {
     // It is over before that, or goes on.
     for (begin_s, end_s) in [(0.3, 1.1), (0.0, f64::INFINITY)] {
@@ -399,19 +433,75 @@ fn contact_is_above_noise_that_has_all_taxels_out_of_use_when_the_calibration_en
 
 #[test]
 fn dead_taxels_are_none_of_those_of_which_most_move() {
+    // Of nine that are alive five move.
     let mut hand = Skin::new(TAXELS, RATE_HZ, ConditionConfig::robust());
     let rest = hand.truth.clone();
     let mut t = 0.0;
     while hand.conditioner.is_calibrating() {
         for (n, truth) in hand.truth.iter_mut().enumerate() {
-            let is_dead = n >= 7;
-            truth[2] = rest[n][2] + if is_dead { 0 } else { (200.0 * t) as i32 };
-            hand.noise[n] = [if is_dead { 0 } else { 2 }; 3];
+            truth[2] = rest[n][2] + if n < 5 { (200.0 * t) as i32 } else { 0 };
+            hand.noise[n] = [if n < 9 { 2 } else { 0 }; 3];
         }
         hand.step_with(|_| {});
         t += 1.0 / RATE_HZ as f64;
     }
     assert_eq!(moved(&hand), Movement::InBothHalves);
+}
+
+/// A skin without noise, of which the first taxels are pressed by so many counts in the time that it is calibrated in.
+fn quiet_skin(taxels: usize, press: impl Fn(f64) -> f64) -> Skin {
+    let mut skin = Skin::new(TAXELS, RATE_HZ, ConditionConfig::robust());
+    skin.noise.fill([0; 3]);
+    let rest = skin.truth.clone();
+    let mut t = 0.0;
+    while skin.conditioner.is_calibrating() {
+        for (truth, rest) in skin.truth.iter_mut().zip(&rest).take(taxels) {
+            truth[2] = rest[2] + press(t).round() as i32;
+        }
+        skin.step();
+        t += 1.0 / RATE_HZ as f64;
+    }
+    skin.truth = rest;
+    skin.run_ms(100);
+    skin
+}
+
+#[test]
+fn taxels_that_are_pressed_while_a_skin_without_noise_is_calibrated_are_not_the_hand() {
+    for taxels in [1, 3, 7] {
+        // From when to when, and how long it takes to press as much.
+        for (begin_s, end_s, rise_s, moves) in [
+            (0.2, 1.3, 0.4, true),
+            (0.8, 1.5, 0.3, false),
+            (0.9, 9.0, 0.3, false),
+            (0.0, 0.6, 0.3, false),
+        ] {
+            let press = |t: f64| 300.0 * ((t - begin_s) / rise_s).min((end_s - t) / rise_s).clamp(0.0, 1.0);
+            let mut skin = quiet_skin(taxels, press);
+            let case = format!("{taxels} taxels from {begin_s} to {end_s} s");
+            let told = if moves {
+                Movement::Taxels(taxels as u32)
+            } else {
+                Movement::None
+            };
+            assert_eq!(moved(&skin), told, "{case}");
+            assert_eq!(skin.conditioner.threshold(), 10.0, "{case}");
+            skin.truth[12..15].iter_mut().for_each(|truth| truth[2] += 60);
+            skin.run_ms(100);
+            assert!(skin.out.contact[12..15].iter().all(|felt| *felt), "{case}");
+        }
+    }
+}
+
+#[test]
+fn noise_of_a_few_taxels_among_those_that_keep_one_value_makes_the_threshold() {
+    let mut hand = Skin::new(TAXELS, RATE_HZ, ConditionConfig::robust());
+    for (n, noise) in hand.noise.iter_mut().enumerate() {
+        *noise = [if n < 5 { 20 } else { 0 }; 3];
+    }
+    hand.calibrate();
+    assert_eq!(moved(&hand), Movement::None);
+    feels_nothing(&mut hand, "five of sixteen are alive");
 }
 
 #[test]
