@@ -1,5 +1,6 @@
 //! What is to be said of the joints while all is well: a port that is open, who answers, how they answer.
 
+use super::servo_name;
 use crate::joints_view::{JointsView, SourceView};
 use crate::kind::Severity;
 use crate::rate_limiter::RateLimiter;
@@ -23,6 +24,8 @@ pub struct JointsReporter {
     fast_told: Option<FastState>,
     fast_limiter: Option<RateLimiter>,
     delays: bool,
+    /// What was said of it of each servo ([`ServoState::watchdogs_cleared`]).
+    watchdogs_cleared: Vec<u64>,
 }
 
 impl JointsReporter {
@@ -83,6 +86,7 @@ impl JointsReporter {
         let answer = snapshot.servos.iter().filter(|s| s.alive).count();
         self.call_roll(answer, snapshot.servos.len(), "servos answer", now_ns, news);
         self.of_fast_reads(snapshot.fast, now_ns, news);
+        news.extend(self.cleared_watchdogs(config, snapshot));
         if !self.delays && self.roll_call_ns.is_none() {
             self.delays = true;
             let named: Vec<String> = (config.servo.iter())
@@ -90,6 +94,29 @@ impl JointsReporter {
                 .collect();
             news.extend(long_delays(&named, &snapshot.servos));
         }
+    }
+
+    /// Says of which servos the watchdogs were cleared since the last call.
+    fn cleared_watchdogs(
+        &mut self,
+        config: &DynamixelConfig,
+        snapshot: &ServoSnapshot,
+    ) -> Option<(Option<Severity>, String)> {
+        self.watchdogs_cleared.resize(snapshot.servos.len(), 0);
+        let servos = config.servo.iter().zip(&snapshot.servos);
+        let cleared: Vec<String> = (servos.zip(&mut self.watchdogs_cleared))
+            .filter_map(|((servo, state), told)| {
+                let before = std::mem::replace(told, state.watchdogs_cleared);
+                (state.watchdogs_cleared > before).then(|| servo_name(servo))
+            })
+            .collect();
+        (!cleared.is_empty()).then(|| {
+            let text = format!(
+                "joints: the bus watchdog of servo {} was left armed, or had tripped, with the motor off, by a taxeld that was killed or by another program; it is cleared",
+                cleared.join(", ")
+            );
+            (None, text)
+        })
     }
 
     /// Says how servos answer, and that they do so no longer. A change that may not be said yet is said later where it still
@@ -232,6 +259,20 @@ mod tests {
             &mut view,
             &[&["0 of 2 servos answer so far"], in_one],
         );
+    }
+
+    #[test]
+    fn watchdogs_that_were_left_armed_are_told_in_one_line_when_they_are_cleared() {
+        let (config, mut view) = servos(3);
+        let mut reporter = JointsReporter::default();
+        open(&mut view, "/dev/servos", 1);
+        says(&mut reporter, &config, &view, &[&["is open"]]);
+        servo(&mut view, 0).watchdogs_cleared = 1;
+        servo(&mut view, 2).watchdogs_cleared = 1;
+        let line = ["bus watchdog of servo 1, 3 was left armed", "it is cleared"];
+        says(&mut reporter, &config, &view, &[&line]);
+        servo(&mut view, 2).watchdogs_cleared = 2;
+        says(&mut reporter, &config, &view, &[&["bus watchdog of servo 3 was"]]);
     }
 
     #[test]

@@ -134,6 +134,125 @@ fn a_motor_that_a_daemon_before_has_left_on_is_switched_off() {
     assert_eq!((torque_and_watchdog(&w, 1), lost(&w, 0)), ([1, 50], None));
 }
 
+/// Somebody has armed a servo's watchdog, and its motor is off: from the start, or since the watchdog has tripped.
+fn leave_armed(w: &mut World, id: u8, has_tripped: bool) {
+    match has_tripped {
+        false => meddle(w, id, Instruction::Write, &[98, 0, 50]),
+        true => {
+            leave_on(w, id, 1);
+            w.now_ns += 100 * MS;
+            w.servos.take_due(w.now_ns, &mut Vec::new());
+            meddle(w, id, Instruction::Write, &[64, 0, 0]);
+        }
+    }
+}
+
+fn cleared(w: &World, servo: usize) -> u64 {
+    w.bus.servo(servo).unwrap().watchdogs_cleared
+}
+
+#[test]
+fn the_watchdog_of_a_motor_that_is_off_is_cleared_once_behind_the_opening() {
+    let mut w = watched(4, 1000);
+    leave_armed(&mut w, 2, true);
+    leave_armed(&mut w, 1, false);
+    leave_on(&mut w, 4, 50);
+    let before = [1, 2, 3, 4].map(|id| torque_and_watchdog(&w, id));
+    assert_eq!(before, [[0, 50], [0, 255], [0, 0], [1, 50]]);
+    w.bus.port_opened();
+    w.requests.clear();
+    w.bus.begin(w.now_ns);
+    while w.requests.len() < 2 {
+        assert!(w.turn());
+    }
+    let first = [1, 4].map(|id| torque_and_watchdog(&w, id));
+    assert_eq!(first, [[0, 50], [0, 50]], "a motor that is on comes first");
+    while w.turn() {}
+    w.cycles(1);
+    let ends = [1, 2, 3, 4].map(|id| torque_and_watchdog(&w, id));
+    assert_eq!(ends, [[0, 0]; 4]);
+    // That of the last is a part of switching it off.
+    assert_eq!([0, 1, 2, 3].map(|servo| cleared(&w, servo)), [1, 1, 0, 0]);
+    assert_eq!(lost(&w, 0), None);
+    assert!(!w.bus.has_writes());
+    // Whoever arms it later is left alone, also where the motor is off.
+    w.requests.clear();
+    leave_armed(&mut w, 1, false);
+    leave_on(&mut w, 3, 50);
+    w.cycles(500);
+    assert_eq!([1, 3].map(|id| torque_and_watchdog(&w, id)), [[0, 50], [1, 50]]);
+    assert!(
+        !w.requests.iter().any(|r| r[7] == 0x83),
+        "nobody is told anything"
+    );
+}
+
+#[test]
+fn a_watchdog_is_not_cleared_of_a_motor_that_is_started_here_nor_of_a_hand_that_is_only_read() {
+    let mut w = watched(1, 1000);
+    leave_armed(&mut w, 1, false);
+    w.bus.port_opened();
+    w.bus.begin(w.now_ns);
+    assert!(w.turn() && asks_left_on(&w.requests[0]));
+    w.bus.command(0, ON).unwrap();
+    while w.turn() {}
+    w.cycles(20);
+    assert_eq!((torque_and_watchdog(&w, 1), cleared(&w, 0)), ([1, 50], 0));
+
+    let mut w = World::new(&DynamixelConfig::new("none", [1]), [ServoBuild::new(1)]);
+    leave_armed(&mut w, 1, false);
+    w.bus.port_opened();
+    w.cycles(20);
+    assert_eq!((torque_and_watchdog(&w, 1), cleared(&w, 0)), ([0, 50], 0));
+}
+
+#[test]
+fn no_watchdog_of_two_servos_with_one_id_is_cleared_behind_the_opening() {
+    for (servos, shared) in [(1, 1), (3, 1), (3, 2), (3, 3)] {
+        let mut w = watched(servos, 1000);
+        (1..=servos).for_each(|id| leave_armed(&mut w, id, false));
+        w.fault(shared, ServoFault::Twice);
+        w.bus.port_opened();
+        w.cycles(100);
+        for id in 1..=servos {
+            let watchdog = if id == shared { 50 } else { 0 };
+            assert_eq!(torque_and_watchdog(&w, id), [0, watchdog], "{shared}: {id}");
+        }
+    }
+}
+
+#[test]
+fn a_watchdog_of_a_servo_that_comes_later_is_cleared_beside_a_motor_that_runs() {
+    let mut w = watched(3, 1000);
+    w.fault(3, ServoFault::Silent);
+    w.bus.port_opened();
+    w.cycles(20);
+    w.bus.command(0, ON).unwrap();
+    w.cycles(20);
+    leave_armed(&mut w, 3, false);
+    w.servos.set_fault(3, None, 1);
+    w.cycles(200);
+    let ends = [1, 3].map(|id| torque_and_watchdog(&w, id));
+    assert_eq!((ends, cleared(&w, 2)), ([[1, 50], [0, 0]], 1));
+}
+
+#[test]
+fn a_watchdog_that_was_armed_here_before_the_port_was_lost_is_cleared_and_nobody_is_said_to_have_left_it() {
+    let mut w = watched(1, 1000);
+    w.bus.port_opened();
+    w.cycles(2);
+    w.bus.command(0, ON).unwrap();
+    w.requests.clear();
+    w.bus.begin(w.now_ns);
+    while torque_and_watchdog(&w, 1) != [0, 50] {
+        assert!(w.turn());
+    }
+    w.bus.port_lost();
+    w.bus.port_opened();
+    w.cycles(20);
+    assert_eq!((torque_and_watchdog(&w, 1), cleared(&w, 0)), ([0, 0], 0));
+}
+
 #[test]
 fn a_motor_that_was_left_on_is_switched_off_by_whichever_question_its_servo_answers_first() {
     let mut w = watched(1, 2540);

@@ -72,6 +72,9 @@ pub struct ServoState {
     /// How its motor was lost that was switched on here or left on; `None` where none was, or since it was switched on anew or
     /// somebody asked for it to be off.
     pub motor_lost: Option<MotorLost>,
+    /// How often its watchdog was cleared behind the opening of the port, since somebody had left it armed, or tripped, though
+    /// the motor was off.
+    pub watchdogs_cleared: u64,
 }
 
 /// Commands to switch a motor off.
@@ -173,6 +176,10 @@ pub(crate) struct Servo {
     pub(crate) watch: Watch,
     /// How often it is still asked, until it says so, whether its motor was left on before the port was opened.
     pub(crate) left_on_asks: u8,
+    /// In which cycle it has said that its watchdog was left armed though its motor is off, until that is cleared; and whether it
+    /// is being cleared and was left so by somebody else.
+    pub(crate) left_armed_cycle: Option<u64>,
+    pub(crate) has_left_watchdog: bool,
     /// Bytes that it told in its answer, good or not, to the newest request that is over; `None` where none came.
     told_bytes: Option<usize>,
     /// Requests to it that no answer came to in time: so many answers may still come, and then all at once.
@@ -206,6 +213,8 @@ impl Servo {
             disarm_asks: 0,
             watch: Watch::default(),
             left_on_asks: 0,
+            left_armed_cycle: None,
+            has_left_watchdog: false,
             told_bytes: None,
             owed: 0,
             answered_in_a_row: 0,
@@ -236,10 +245,16 @@ impl Servo {
         ago(newer_ns) <= SHARED_NS && newer_ns.saturating_sub(older_ns) <= SHARED_NS
     }
 
+    /// Whether a request since the opening of the port has had a second answer.
+    pub(crate) fn may_be_shared(&self) -> bool {
+        self.double_ns[0].is_some()
+    }
+
     /// Forgets what the port held: it has been opened anew. Where motors may be switched off, it is asked whether its own was
     /// left on.
     pub(crate) fn port_opened(&mut self, allow_writes: bool) {
         self.left_on_asks = if allow_writes { LEFT_ON_ASKS } else { 0 };
+        (self.left_armed_cycle, self.has_left_watchdog) = (None, false);
         (self.told_bytes, self.owed, self.usual_ns) = (None, 0, 0);
         (self.withhold, self.double_ns) = (false, [None; 2]);
         self.is_told_off = false;
@@ -274,6 +289,7 @@ impl Servo {
             address::BUS_WATCHDOG => {
                 self.state.watchdog_tripped = Some(false);
                 self.is_armed = Some(value != 0);
+                self.state.watchdogs_cleared += u64::from(std::mem::take(&mut self.has_left_watchdog));
                 self.watch = match value {
                     0 => Watch::Unchecked,
                     _ => Watch::Known,

@@ -87,8 +87,9 @@ impl Bus {
                     return;
                 }
             } else {
-                // The first was late: the newer one is taken.
+                // The first was late: the newer one is taken. Or it is of another servo with this id.
                 self.take_late(servo, now_ns);
+                self.servos[servo].left_armed_cycle = None;
             }
         }
         self.revoke_before(position, now_ns);

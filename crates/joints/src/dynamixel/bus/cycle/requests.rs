@@ -70,6 +70,7 @@ impl Bus {
         if !self.writes_done && !self.offs_done {
             self.switch_off_again(now_ns);
             self.repeat_offs(now_ns);
+            self.disarm_left();
         }
         let write = (self.writes.front().copied())
             .filter(|write| !self.is_done_with(write) || self.is_first_off(write, now_ns));

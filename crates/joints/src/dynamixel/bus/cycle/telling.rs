@@ -321,6 +321,7 @@ impl Bus {
         self.counters.writes_failed += 1;
         if write.only_disarms() {
             // The motor is off, so that its watchdog has nothing to stop.
+            self.servos[write.servo].has_left_watchdog = false;
             return false;
         }
         self.note(write.servo, write.number, Err(error));

@@ -22,20 +22,50 @@ impl Bus {
 
     /// Behind the opening of a port a servo has told all from Torque Enable to Bus Watchdog, or beyond. A motor that is on, though
     /// nobody has switched it on since, was left on: where its watchdog is armed, whoever armed it relies on that to stop it, and
-    /// it does not, since reading feeds it. One that is on without a watchdog is another program's.
+    /// it does not, since reading feeds it. One that is on without a watchdog is another program's. One that is off under a
+    /// watchdog was left so between the two, and the watchdog alone is cleared.
     pub(super) fn take_left_on(&mut self, servo: usize, data: &[u8]) {
         if std::mem::take(&mut self.servos[servo].left_on_asks) == 0 {
             return;
         }
+        let is_ours = self.servos[servo].state.may_run || self.servos[servo].is_to_be_off;
         self.take_told(servo, Task::State, told(Task::State, data));
         if self.servos[servo].state.torque_enabled != Some(true) {
+            if !is_ours && matches!(told(Task::Watchdog, data), [1..=127 | WATCHDOG_TRIPPED]) {
+                self.servos[servo].left_armed_cycle = Some(self.counters.cycles);
+            }
             return;
         }
         self.take_told(servo, Task::Watchdog, told(Task::Watchdog, data));
         let is_armed = matches!(told(Task::Watchdog, data), [1..=127]);
-        let is_ours = self.servos[servo].state.may_run || self.servos[servo].is_to_be_off;
         if is_armed && !is_ours {
             self.lose_motor(servo, MotorLost::LeftOn);
+        }
+    }
+
+    /// Has those watchdogs cleared, behind all that are to be off: whoever drives such a motor next without knowing of it has its
+    /// goals refused. Not where somebody here starts the motor, which begins with that. And only in a later cycle: if there is
+    /// another servo with this id, whose motor may be on, its answer has come by then.
+    pub(super) fn disarm_left(&mut self) {
+        for servo in 0..self.servos.len() {
+            let is_told_more = self.writes.iter().any(|write| write.servo == servo);
+            let left = &mut self.servos[servo];
+            if left
+                .left_armed_cycle
+                .take_if(|cycle| *cycle < self.counters.cycles)
+                .is_none()
+                || is_told_more
+                || self.ends
+                || left.may_be_shared()
+                || left.is_owed_off()
+                || left.state.may_run
+                || left.state.torque_enabled != Some(false)
+            {
+                continue;
+            }
+            // One that was armed here, before the port was lost, is nobody else's.
+            left.has_left_watchdog = left.is_armed != Some(true);
+            self.disarm(servo);
         }
     }
 
