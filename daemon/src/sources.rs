@@ -32,10 +32,10 @@ pub(crate) fn open(config: &Config, start_ns: u64) -> Result<Vec<Box<dyn CanSour
         // Of a bus of the skin everything: a node that babbles is to be seen, and what is nobody's counted.
         let filters = own
             .filter(|_| bus >= config.layout.buses.len())
-            .and_then(|own| own.filter);
+            .map_or_else(Vec::new, |own| own.filters.clone());
         let options = SourceOptions {
             bus: name.clone(),
-            filters: filters.into_iter().collect(),
+            filters,
             receive_buffer: config.can.receive_buffer_kib as usize * 1024,
             start_ns,
         };

@@ -24,15 +24,20 @@ def allegro_frame(version, finger, counts):
     return 0x3C0 | 2 << 3 | 3 + finger, data
 
 
+def motor_error(motor, bits, device=0):
+    """What a hand of version 5 reports of a motor."""
+    return can.Message(arbitration_id=0x3B8 + device, is_extended_id=False, data=bytes([motor, bits]))
+
+
 class Fingers(Beside):
     """A hand that another program has started: each finger's position, `counts` from the centre, again and again."""
 
-    def __init__(self, bus, version, counts):
+    def __init__(self, bus, version, counts, device=0):
         super().__init__()
         self.bus = bus
         frames = [allegro_frame(version, finger, counts[finger]) for finger in range(4)]
-        self.messages = [can.Message(arbitration_id=id, is_extended_id=False, data=data) for id, data in frames]
-        self.ids = {id for id, _ in frames}
+        self.messages = [can.Message(arbitration_id=id + device, is_extended_id=False, data=data) for id, data in frames]
+        self.ids = {message.arbitration_id for message in self.messages}
 
     def run(self):
         while not self.stop.wait(0.003):
@@ -71,6 +76,31 @@ def test_an_allegro_hand_is_listened_to_and_never_spoken_to(folder, version):
         while message := ear.recv(0.2):
             heard.add(message.arbitration_id)
         assert heard == hand.ids, "it sent something"
+
+
+def test_an_error_that_a_hand_of_version_5_reports_of_a_motor_is_a_problem_until_it_takes_it_back(folder):
+    port = free_udp_port()
+    address = f"udp:{GROUP}:{port}?hops=0"
+    joints = {"source": f"allegro:{address}", "allegro": {"version": 5, "device": 1}}
+    with (
+        can.Bus(GROUP, interface="udp_multicast", port=port, hop_limit=0) as bus,
+        Daemon(folder / "d", SCENE, tick=TICK, joints=joints) as daemon,
+        Fingers(bus, 5, [[0] * 4] * 4, device=1),
+    ):
+        report = lambda motor, bits: bus.send(motor_error(motor, bits, device=1))
+        daemon.wait_status(lambda s: s["joints"]["state"] == "connected", "not said to be connected")
+        assert daemon.status()["joints"]["motor_errors"] == 0
+        report(3, 0x24)
+        found = comes(daemon, "hand-error", "index 3", "motor 3 (index 3): overheating, overload (0x24)", "Let it cool down")
+        assert found["severe"]
+        joints = daemon.status()["joints"]
+        assert joints["motor_errors"] == 1 and joints["malformed"] == 0
+        assert [j["problems"] for j in joints["joints"]] == [["hand-error"] if j == 3 else [] for j in range(16)]
+        doctor = subprocess.run([binary("taxel"), "doctor", "--config", daemon.config], capture_output=True, text=True)
+        assert "motor 3 (index 3): overheating" in " ".join(doctor.stdout.split()), doctor.stdout
+        report(3, 0)
+        daemon.wait_status(lambda s: not s["problems"], "the error is not over")
+        assert "reported no error of motor 3" in daemon.log
 
 
 @pytest.mark.parametrize(

@@ -21,7 +21,10 @@ pub(crate) fn hides(by: &Problem, of: &Problem, layout: &Layout) -> bool {
 /// What is not heard while a bus is lost, or nothing comes over it.
 fn hides_of_bus(by: &Problem, of: &Problem, layout: &Layout) -> bool {
     if by.place == Place::Joints {
-        return matches!(of.kind, Kind::HandSilent | Kind::FingerSilent | Kind::JointStale);
+        return matches!(
+            of.kind,
+            Kind::HandSilent | Kind::FingerSilent | Kind::HandError | Kind::JointStale
+        );
     }
     let is_of_boards = matches!(
         of.kind,
@@ -95,7 +98,7 @@ fn hides_of_joints(by: &Problem, of: &Problem) -> bool {
         Kind::AnalogueAbsent => is_of_lines || of.kind == Kind::AnalogueSilent,
         Kind::AnalogueSilent => is_of_lines,
         Kind::ArrayLate => of.kind == Kind::JointStale,
-        Kind::HandSilent => matches!(of.kind, Kind::FingerSilent | Kind::JointStale),
+        Kind::HandSilent => matches!(of.kind, Kind::FingerSilent | Kind::HandError | Kind::JointStale),
         _ => false,
     }
 }

@@ -141,6 +141,8 @@ kinds! {
     HandSilent "hand-silent" Error,
     /// A finger of an Allegro hand sends no angles.
     FingerSilent "finger-silent" Error,
+    /// An Allegro hand reports an error of one of its motors.
+    HandError "hand-error" Error,
     /// The angles of an Allegro hand cannot be those of the version given.
     HandVersion "hand-version" Warning,
     /// The daemon was told to read its configuration again, and cannot take it up.

@@ -25,9 +25,9 @@ mod traffic;
 mod view;
 
 pub use joints::{
-    JointsReporter, absent_potentiometers, missing_servos, potentiometer_state, servo_name, servo_state,
-    silent_fingers, silent_potentiometers, silent_servo, slow_adapter, two_servos, unknown_model,
-    unread_lines,
+    JointsReporter, absent_potentiometers, missing_servos, motor_error, potentiometer_state, servo_name,
+    servo_state, silent_fingers, silent_potentiometers, silent_servo, slow_adapter, two_servos,
+    unknown_model, unread_lines,
 };
 pub use joints_view::{JointsView, SourceView};
 pub use kind::{Kind, Severity};

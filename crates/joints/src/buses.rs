@@ -15,7 +15,7 @@ pub struct JointsBus {
     /// Where it is.
     pub address: SourceAddress,
     /// What a bus of its own has to let through.
-    pub filter: Option<IdFilter>,
+    pub filters: Vec<IdFilter>,
 }
 
 /// Why joints cannot be read as the configuration has it.
@@ -79,7 +79,7 @@ impl JointsConfig {
             index: shared.unwrap_or(layout.buses.len()) as u8,
             shared: shared.is_some(),
             address: address.clone(),
-            filter: source.filter(),
+            filters: source.filters(),
         })
     }
 

@@ -2,6 +2,7 @@
 //! in, and each frame gets every joint's angle at its own instant. No I/O and no clock; after the
 //! start nothing allocates.
 
+use crate::allegro::MotorErrors;
 use crate::analogue::READINGS_KEPT;
 use crate::config::JointsConfig;
 use crate::error::JointsConfigError;
@@ -43,8 +44,10 @@ pub struct JointsSnapshot {
     pub counts: Vec<JointCount>,
     /// CAN frames that were the joints', and so none of the skin's.
     pub frames: u64,
-    /// Those of them that gave no angle.
+    /// Those of them that were not as they should be, and told nothing.
     pub malformed: u64,
+    /// What an Allegro hand has reported of its motors.
+    pub motor_errors: MotorErrors,
 }
 
 impl JointFeed {
@@ -202,6 +205,8 @@ impl JointFeed {
         into.counts.extend(readings().flat_map(|r| &r.counts));
         into.frames = readings().map(|r| r.frames).sum();
         into.malformed = readings().map(|r| r.malformed).sum();
+        // That of the first source: beside a hand there are potentiometers alone.
+        into.motor_errors = readings().next().map(|r| r.motor_errors).unwrap_or_default();
     }
 }
 
@@ -214,6 +219,7 @@ impl JointsSnapshot {
             counts: vec![JointCount::default(); joints],
             frames: 0,
             malformed: 0,
+            motor_errors: MotorErrors::default(),
         }
     }
 }

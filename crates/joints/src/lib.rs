@@ -20,7 +20,7 @@ mod synchrony;
 
 pub use allegro::{
     ALLEGRO_FINGERS, ALLEGRO_JOINTS, AllegroConfig, AllegroCounters, AllegroDecoder, AllegroFrame,
-    AllegroSource, AllegroStarter, overlapping_ids,
+    AllegroSource, AllegroStarter, MOTOR_ERROR_NS, MotorError, MotorErrors, overlapping_ids,
 };
 pub use analogue::{
     AnalogueConfig, AnalogueCounters, AnalogueJointConfig, AnalogueLines, AnalogueReader, AnalogueSnapshot,

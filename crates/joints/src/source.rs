@@ -4,6 +4,7 @@
 //! Each kind of source has a folder with a [`SourceConfig`] and, where its angles come over CAN,
 //! [`CanJoints`]. Another kind is another folder and its line in the lists of `config.rs`.
 
+use crate::allegro::MotorErrors;
 use crate::error::JointsConfigError;
 use crate::synchrony::JointHistory;
 use std::path::Path;
@@ -34,9 +35,9 @@ pub trait SourceConfig {
         None
     }
 
-    /// What a CAN bus of its own has to let through.
-    fn filter(&self) -> Option<IdFilter> {
-        None
+    /// What a CAN bus of its own has to let through; everything where there is none.
+    fn filters(&self) -> Vec<IdFilter> {
+        Vec::new()
     }
 
     /// The standard ids, in order, that both it and the skin's boards on bus `bus` (index into
@@ -96,8 +97,10 @@ pub struct JointReadings {
     pub counts: Vec<JointCount>,
     /// CAN frames that were its own.
     pub frames: u64,
-    /// Those of them that were not as they should be, and gave no angle.
+    /// Those of them that were not as they should be, and told nothing.
     pub malformed: u64,
+    /// What an Allegro hand has reported of its motors.
+    pub motor_errors: MotorErrors,
 }
 
 impl JointReadings {
@@ -108,6 +111,7 @@ impl JointReadings {
             counts: vec![JointCount::default(); joints],
             frames: 0,
             malformed: 0,
+            motor_errors: MotorErrors::default(),
         }
     }
 

@@ -226,6 +226,7 @@ fn hand(source: &AllegroSource, names: &[String], view: &JointsView) -> JointsSt
             version: source.hand.as_ref().map(|hand| hand.version),
             link: view.link.to_string(),
             malformed: view.tick.malformed,
+            motor_errors: view.tick.motor_errors.reports,
             received: view.source.received,
             lost_in_kernel: view.source.lost_in_kernel,
             undecodable: view.source.undecodable,

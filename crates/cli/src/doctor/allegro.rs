@@ -1,10 +1,10 @@
-//! An Allegro hand whose joints are to be read: whether its fingers report. Nothing is sent.
+//! An Allegro hand whose joints are to be read: whether its fingers report, and what it says of its motors. Nothing is sent.
 
 use super::bus_listener::{BusListener, Listener};
 use super::finding::Check;
 use taxel_can::Received;
-use taxel_diagnose::silent_fingers;
-use taxel_joints::{AllegroConfig, AllegroDecoder, AllegroSource};
+use taxel_diagnose::{motor_error, silent_fingers};
+use taxel_joints::{AllegroConfig, AllegroDecoder, AllegroSource, MotorErrors};
 use taxel_playback::interrupt::Interrupt;
 
 const AREA: &str = "joints";
@@ -12,10 +12,12 @@ const AREA: &str = "joints";
 const LISTEN_NS: u64 = 500_000_000;
 const RECEIVE_BUFFER: usize = 4 << 20;
 
-/// Position frames of each finger, as the frames of versions 1 to 3 and as those of versions 4 and 5.
+/// Position frames of each finger, as the frames of versions 1 to 3 and as those of versions 4 and 5; and errors of motors.
 #[derive(Debug, Default, Clone, Copy, PartialEq)]
 pub(super) struct AllegroFacts {
     pub(super) positions: [[u64; 4]; 2],
+    pub(super) motor_errors: MotorErrors,
+    pub(super) end_ns: u64,
     pub(super) seconds: f64,
 }
 
@@ -58,15 +60,25 @@ pub(super) fn listen(source: &AllegroSource, interrupt: Interrupt) -> anyhow::Re
     }
     let begin_ns = bus_listener.now_ns();
     bus_listener.listen(LISTEN_NS, "listening to the Allegro hand", &mut hearing);
+    let end_ns = bus_listener.now_ns();
     Ok(AllegroFacts {
+        motor_errors: *hearing.decoders[1].motor_errors(),
         positions: hearing.decoders.map(|decoder| decoder.counters().positions),
-        seconds: (bus_listener.now_ns() - begin_ns) as f64 / 1e9,
+        end_ns,
+        seconds: (end_ns - begin_ns) as f64 / 1e9,
     })
 }
 
 /// What is to be said of the hand.
 pub(super) fn check(source: &AllegroSource, facts: &AllegroFacts) -> Vec<Check> {
     let object = &source.bus.to_string();
+    let mut checks = of_fingers(source, facts, object);
+    let errors = facts.motor_errors.current(facts.end_ns);
+    checks.extend(errors.map(|error| Check::of_problem(AREA, object, &motor_error(source, error))));
+    checks
+}
+
+fn of_fingers(source: &AllegroSource, facts: &AllegroFacts, object: &str) -> Vec<Check> {
     let version = source.hand.as_ref().map(|hand| hand.version);
     let [older, four] = facts.positions;
     let speaks = |fingers: [u64; 4]| fingers.iter().all(|n| *n > 0);
@@ -123,11 +135,33 @@ mod tests {
             let facts = AllegroFacts {
                 positions,
                 seconds: 0.5,
+                ..AllegroFacts::default()
             };
             let checks = check(&source, &facts);
             assert!(checks.iter().all(|c| c.state == state), "{checks:?}");
             let found: Vec<&str> = checks.iter().map(|c| c.found.as_str()).collect();
             assert!(found.join(", ").contains(words), "{found:?}");
         }
+    }
+
+    #[test]
+    fn an_error_that_the_hand_reports_of_a_motor_is_told_beside_its_fingers() {
+        let hand = AllegroConfig::new(5);
+        let mut decoder = AllegroDecoder::new(&hand).unwrap();
+        decoder.push(&taxel_can::CanFrame::standard(0x3B8, &[3, 0x04]).unwrap(), 0);
+        let source = AllegroSource {
+            bus: "can:can2".parse().unwrap(),
+            hand: Some(hand),
+        };
+        let facts = AllegroFacts {
+            positions: [[0; 4], [150; 4]],
+            motor_errors: *decoder.motor_errors(),
+            end_ns: 1,
+            seconds: 0.5,
+        };
+        let checks = check(&source, &facts);
+        let found: Vec<_> = checks.iter().map(|c| (c.state, c.name.as_ref())).collect();
+        assert_eq!(found, [(State::Ok, "Allegro hand"), (State::Error, "hand-error")]);
+        assert!(checks[1].found.contains("motor 3 (index 3): overheating (0x04)"));
     }
 }

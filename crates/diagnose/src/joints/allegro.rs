@@ -1,14 +1,24 @@
-//! What is wrong with an Allegro hand: its bus, its fingers.
+//! What is wrong with an Allegro hand: its bus, its fingers, its motors.
 
+use super::servo_state::cures;
 use super::{Judge, Patience, of_joints};
 use crate::kind::Kind;
 use crate::problem::{Place, Problem};
 use taxel_can::{BusState, LinkState};
-use taxel_joints::{ALLEGRO_FINGERS, AllegroSource};
+use taxel_joints::registers::HardwareError;
+use taxel_joints::{
+    ALLEGRO_FINGERS, ALLEGRO_JOINTS, AllegroSource, MOTOR_ERROR_NS, MotorError, SourceConfig,
+};
+
+/// The bits of an error that the hand's manual names. They have the meaning of those of a servo that reports one, which has
+/// another bit besides.
+const NAMED_BITS: u8 = 0x35;
 
 impl Judge<'_> {
     pub(super) fn hand(&self, hand: &AllegroSource, patience: &mut Patience, found: &mut Vec<Problem>) {
         let view = self.view;
+        let errors = view.tick.motor_errors.current(view.now_ns);
+        found.extend(errors.map(|error| motor_error(hand, error)));
         let off = view.source.bus_state == BusState::BusOff;
         if view.link != LinkState::Up || off {
             patience.away();
@@ -23,6 +33,36 @@ impl Judge<'_> {
             std::array::from_fn(|f| patience.is_silent(f, view.finger_speaks(f) == Some(true), view.now_ns));
         found.extend(silent_fingers(hand, silent));
     }
+}
+
+/// An Allegro hand reports an error of one of its motors.
+pub fn motor_error(hand: &AllegroSource, error: MotorError) -> Problem {
+    let MotorError { motor, bits, .. } = error;
+    let joint = usize::from(motor);
+    let (place, name) = match joint < ALLEGRO_JOINTS {
+        true => (
+            Place::Joint(joint),
+            format!("motor {motor} ({})", hand.joint_names()[joint]),
+        ),
+        false => (Place::Joints, format!("motor {motor}, which no joint has")),
+    };
+    let named = HardwareError(bits & NAMED_BITS);
+    let is_named = bits & !NAMED_BITS == 0;
+    let what = match (named.is_none(), is_named) {
+        (true, _) => "bits that its manual does not name".into(),
+        (false, true) => named.to_string(),
+        (false, false) => format!("{named}, and bits that its manual does not name"),
+    };
+    let seconds = MOTOR_ERROR_NS / 1_000_000_000;
+    of_joints(
+        Kind::HandError,
+        place,
+        format!(
+            "the Allegro hand reports an error of {name}: {what} ({bits:#04x}). The lamp on its back is red"
+        ),
+        format!("{}, or switch the hand off and on", cures(named)),
+        format!("the Allegro hand has reported no error of {name} for {seconds} s, or says that it is over"),
+    )
 }
 
 /// Fingers of an Allegro hand that send no angles; all of them are one problem.

@@ -11,7 +11,7 @@ mod servos;
 #[cfg(test)]
 pub(crate) mod test_views;
 
-pub use allegro::silent_fingers;
+pub use allegro::{motor_error, silent_fingers};
 pub use analogue::{absent_potentiometers, potentiometer_state, silent_potentiometers, unread_lines};
 pub(crate) use angles_used::AnglesUsed;
 pub(crate) use patience::Patience;

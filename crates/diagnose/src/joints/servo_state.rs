@@ -145,7 +145,7 @@ pub fn unknown_model(joint: usize, name: &str, number: u16) -> Problem {
 }
 
 /// What to do about a hardware error.
-fn cures(error: HardwareError) -> String {
+pub(super) fn cures(error: HardwareError) -> String {
     let all: Vec<&str> = error.names().map(cure).collect();
     match &all[..] {
         [] => "See its data sheet".into(),

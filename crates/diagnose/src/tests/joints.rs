@@ -3,10 +3,11 @@
 use super::*;
 use crate::Place;
 use crate::joints::test_views::{S, allegro, finger, open, servo, servos};
+use taxel_can::CanFrame;
 use taxel_joints::bus::{MotorLost, MotorOff, ServoIdentity, WriteError, Written};
 use taxel_joints::protocol2::StatusError;
 use taxel_joints::registers::HardwareError;
-use taxel_joints::{AllegroConfig, JointSource};
+use taxel_joints::{AllegroConfig, AllegroDecoder, JointSource};
 
 pub(super) struct JointsBench {
     pub(super) bench: Bench,
@@ -326,6 +327,75 @@ fn a_hand_and_its_fingers_that_are_silent_are_told_and_so_is_its_bus() {
     );
     bench.pass(1000, |view| view.now_ns += S / 1000);
     assert_eq!(bench.bench.kinds(), ["hand-silent"]);
+}
+
+#[test]
+fn an_error_that_a_hand_reports_of_a_motor_is_told_with_its_joint_until_it_is_not_reported_any_more() {
+    let (mut config, view) = allegro();
+    let JointSource::Allegro(hand) = &mut config.source else {
+        panic!("a hand");
+    };
+    let hand_config = AllegroConfig::new(5);
+    hand.hand = Some(hand_config.clone());
+    let mut decoder = AllegroDecoder::new(&hand_config).unwrap();
+    let mut bench = JointsBench::new((config, view));
+    // What it reports in each tenth of a second.
+    let mut pass = |bench: &mut JointsBench, ms: u64, report: Option<[u8; 2]>| {
+        bench.pass(ms, |view| {
+            view.link = LinkState::Up;
+            view.tick.angles.fill(0.0);
+            (0..4).for_each(|f| finger(view, f));
+            if let Some(report) = report {
+                let frame = CanFrame::standard(0x3B8, &report).unwrap();
+                decoder.push(&frame, view.now_ns);
+            }
+            view.tick.motor_errors = *decoder.motor_errors();
+        });
+    };
+    pass(&mut bench, 1000, None);
+    bench.said(&[]);
+    pass(&mut bench, 20_000, Some([6, 0x24]));
+    bench.said(&[&[
+        "reports an error of motor 6 (middle 2): overheating, overload (0x24)",
+        "Let it cool down, free the joint",
+    ]]);
+    let problem = &bench.bench.problems.current()[0].problem;
+    assert_eq!((problem.kind, problem.place), (Kind::HandError, Place::Joint(6)));
+    // It goes on for ten seconds, since nobody knows how often the hand repeats it.
+    pass(&mut bench, 9_900, None);
+    bench.said(&[]);
+    pass(&mut bench, 200, None);
+    bench.said(&[&["no error of motor 6 (middle 2) for 10 s"]]);
+    assert_eq!(bench.bench.kinds(), [""; 0]);
+    // Bits and motors that the manual does not name.
+    pass(&mut bench, 100, Some([15, 0x48]));
+    bench.said(&[&["motor 15 (thumb 3): bits that its manual does not name (0x48)"]]);
+    pass(&mut bench, 100, Some([15, 0x00]));
+    bench.said(&[&["motor 15 (thumb 3)", "or says that it is over"]]);
+    pass(&mut bench, 100, Some([16, 0x41]));
+    bench.said(&[&["motor 16, which no joint has: input voltage, and bits", "(0x41)"]]);
+    assert_eq!(bench.bench.problems.current()[0].problem.place, Place::Joints);
+}
+
+#[test]
+fn an_error_of_a_motor_is_not_over_while_the_hand_is_silent() {
+    let (config, view) = allegro();
+    let hand_config = AllegroConfig::new(5);
+    let mut decoder = AllegroDecoder::new(&hand_config).unwrap();
+    let mut bench = JointsBench::new((config, view));
+    bench.pass(1000, |view| {
+        view.link = LinkState::Up;
+        view.tick.angles.fill(0.0);
+        (0..4).for_each(|f| finger(view, f));
+        let frame = CanFrame::standard(0x3B8, &[6, 0x20]).unwrap();
+        decoder.push(&frame, view.now_ns);
+        view.tick.motor_errors = *decoder.motor_errors();
+    });
+    bench.said(&[&["motor 6 (middle 2): overload (0x20)"]]);
+    bench.pass(20_000, |_| {});
+    bench.said(&[&["sends no angles"]]);
+    bench.pass(10_000, |view| (0..4).for_each(|f| finger(view, f)));
+    bench.said(&[&["sends its angles"], &["no error of motor 6"]]);
 }
 
 /// A hand of this version whose joints are at these angles, degrees, and at others after a while.

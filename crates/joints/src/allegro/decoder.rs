@@ -1,8 +1,9 @@
-//! Position frames of an Allegro hand into angles. Frames are those of the public drivers of
+//! Position frames of an Allegro hand into angles, and what it reports of its motors. Frames are those of the public drivers of
 //! versions 1 to 3, of version 4 and of version 5.
 
 use super::config::{ALLEGRO_JOINTS, AllegroConfig};
-use super::ids::{V3_POSITION, V4_POSITION};
+use super::ids::{V3_POSITION, V4_POSITION, V5_ERROR};
+use super::motor_errors::MotorErrors;
 use crate::error::JointsConfigError;
 use std::f64::consts::PI;
 use taxel_can::CanFrame;
@@ -21,10 +22,10 @@ pub enum AllegroFrame {
         /// 0 index, 1 middle, 2 ring, 3 thumb.
         finger: usize,
     },
-    /// A position frame whose length is not 8; its angles are not taken.
+    /// An error of a motor: its number and bits.
+    Error,
+    /// A position frame whose length is not 8, or an error of less than two bytes; nothing of it is taken.
     Malformed {
-        /// 0 index, 1 middle, 2 ring, 3 thumb.
-        finger: usize,
         /// Its data bytes.
         len: u8,
     },
@@ -37,7 +38,7 @@ pub enum AllegroFrame {
 pub struct AllegroCounters {
     /// Position frames of each finger.
     pub positions: [u64; 4],
-    /// Position frames with a length other than 8.
+    /// Position frames with a length other than 8, and errors with less than two bytes.
     pub malformed: u64,
     /// All other frames.
     pub other: u64,
@@ -49,6 +50,7 @@ pub struct AllegroDecoder {
     config: AllegroConfig,
     angles_rad: [f64; ALLEGRO_JOINTS],
     t_ns: [Option<u64>; 4],
+    motor_errors: MotorErrors,
     counters: AllegroCounters,
 }
 
@@ -60,13 +62,14 @@ impl AllegroDecoder {
             config: config.clone(),
             angles_rad: [0.0; ALLEGRO_JOINTS],
             t_ns: [None; 4],
+            motor_errors: MotorErrors::default(),
             counters: AllegroCounters::default(),
         })
     }
 
     /// Takes one frame, received at `t_ns`.
     pub fn push(&mut self, frame: &CanFrame, t_ns: u64) -> AllegroFrame {
-        let seen = self.finger_of(frame);
+        let seen = self.kind_of(frame);
         match seen {
             AllegroFrame::Position { finger } => {
                 for j in 0..4 {
@@ -76,6 +79,7 @@ impl AllegroDecoder {
                 self.t_ns[finger] = Some(t_ns);
                 self.counters.positions[finger] += 1;
             }
+            AllegroFrame::Error => self.motor_errors.push(frame.data()[0], frame.data()[1], t_ns),
             AllegroFrame::Malformed { .. } => self.counters.malformed += 1,
             AllegroFrame::Other => self.counters.other += 1,
         }
@@ -87,15 +91,27 @@ impl AllegroDecoder {
         Some((*self.angles_rad.get(joint)?, self.t_ns[joint / 4]?))
     }
 
+    /// What the hand has reported of its motors.
+    pub fn motor_errors(&self) -> &MotorErrors {
+        &self.motor_errors
+    }
+
     /// What it has seen.
     pub fn counters(&self) -> &AllegroCounters {
         &self.counters
     }
 
-    fn finger_of(&self, frame: &CanFrame) -> AllegroFrame {
+    fn kind_of(&self, frame: &CanFrame) -> AllegroFrame {
         let Some(id) = frame.standard_id() else {
             return AllegroFrame::Other;
         };
+        let len = frame.dlc();
+        if self.config.version == 5 && id == V5_ERROR << 2 | u16::from(self.config.device) {
+            return match len {
+                0 | 1 => AllegroFrame::Malformed { len },
+                _ => AllegroFrame::Error,
+            };
+        }
         let finger = if self.config.has_ids_of_4() {
             let msg = (id >> 2).wrapping_sub(V4_POSITION);
             (id & 3 == u16::from(self.config.device) && msg < 4).then_some(usize::from(msg))
@@ -105,11 +121,8 @@ impl AllegroDecoder {
             (id >> 6 & 0x1F == V3_POSITION && from < 4).then_some(usize::from(from))
         };
         match finger {
-            Some(finger) if frame.dlc() == 8 => AllegroFrame::Position { finger },
-            Some(finger) => AllegroFrame::Malformed {
-                finger,
-                len: frame.dlc(),
-            },
+            Some(finger) if len == 8 => AllegroFrame::Position { finger },
+            Some(_) => AllegroFrame::Malformed { len },
             None => AllegroFrame::Other,
         }
     }
@@ -129,6 +142,8 @@ impl AllegroDecoder {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::MotorError;
+    use taxel_can::IdFilter;
 
     fn frame(id: u16, data: &[u8]) -> CanFrame {
         CanFrame::standard(id, data).unwrap()
@@ -178,6 +193,32 @@ mod tests {
     }
 
     #[test]
+    fn version_5_reports_errors_of_its_motors() {
+        let of = |version, device| AllegroConfig {
+            device,
+            ..AllegroConfig::new(version)
+        };
+        for (config, id, data, seen) in [
+            (of(5, 0), 0x3B8, &[3, 0x04][..], AllegroFrame::Error),
+            (of(5, 2), 0x3BA, &[3, 0x04, 0, 0], AllegroFrame::Error),
+            (of(5, 0), 0x3B8, &[3], AllegroFrame::Malformed { len: 1 }),
+            (of(5, 2), 0x3B8, &[3, 0x04], AllegroFrame::Other),
+            (of(4, 0), 0x3B8, &[3, 0x04], AllegroFrame::Other),
+        ] {
+            let mut d = AllegroDecoder::new(&config).unwrap();
+            assert_eq!(d.push(&frame(id, data), 7), seen, "{id:03X}");
+            let current: Vec<_> = d.motor_errors().current(8).collect();
+            let error = MotorError {
+                motor: 3,
+                bits: 0x04,
+                heard_ns: 7,
+            };
+            let wanted = (seen == AllegroFrame::Error).then_some(error);
+            assert_eq!(current, wanted.as_slice(), "{id:03X}");
+        }
+    }
+
+    #[test]
     fn versions_1_to_3_use_the_hand_s_own_offsets_and_signs() {
         let mut config = AllegroConfig::new(3);
         config.enc_dir[8] = -1;
@@ -209,19 +250,11 @@ mod tests {
             (3, frame(0x3D2, &[0; 8]), AllegroFrame::Other),
             (3, frame(0x3D7, &[0; 8]), AllegroFrame::Other),
             (3, frame(0x20A, &[0; 8]), AllegroFrame::Other),
-            (
-                3,
-                frame(0x3D3, &[0; 6]),
-                AllegroFrame::Malformed { finger: 0, len: 6 },
-            ),
+            (3, frame(0x3D3, &[0; 6]), AllegroFrame::Malformed { len: 6 }),
             (4, frame(0x090, &[0; 8]), AllegroFrame::Other),
             (4, frame(0x081, &[0; 8]), AllegroFrame::Other),
             (4, frame(0x180, &[0; 8]), AllegroFrame::Other),
-            (
-                4,
-                frame(0x08C, &[]),
-                AllegroFrame::Malformed { finger: 3, len: 0 },
-            ),
+            (4, frame(0x08C, &[]), AllegroFrame::Malformed { len: 0 }),
             (
                 4,
                 CanFrame::extended(0x080, &[0; 8]).unwrap(),
@@ -246,25 +279,27 @@ mod tests {
                 }
             }
             let c = d.counters();
-            assert_eq!(c.positions.iter().sum::<u64>() + c.malformed + c.other, 0x800 * 9);
+            let read = c.positions.iter().sum::<u64>() + d.motor_errors().reports;
+            assert_eq!(read + c.malformed + c.other, 0x800 * 9, "version {version}");
         }
     }
 
     #[test]
-    fn the_filter_lets_every_position_frame_through_and_nothing_of_another_hand() {
-        for (version, device) in [(1, 0), (3, 0), (4, 0), (4, 3), (5, 0)] {
+    fn the_filters_let_everything_through_that_is_read_and_nothing_of_another_hand() {
+        for (version, device) in [(1, 0), (3, 0), (4, 0), (4, 3), (5, 0), (5, 2)] {
             let config = AllegroConfig {
                 device,
                 ..AllegroConfig::new(version)
             };
-            let (d, filter) = (AllegroDecoder::new(&config).unwrap(), config.filter());
+            let (d, filters) = (AllegroDecoder::new(&config).unwrap(), config.filters());
             for id in 0..=0x7FF {
                 let f = frame(id, &[0; 8]);
-                let passes = u32::from(id) & filter.mask & 0x7FF == filter.id & filter.mask & 0x7FF;
-                let position = matches!(d.finger_of(&f), AllegroFrame::Position { .. });
+                let matches = |filter: &IdFilter| (u32::from(id) ^ filter.id) & filter.mask & 0x7FF == 0;
+                let passes = filters.iter().any(matches);
+                let is_read = d.kind_of(&f) != AllegroFrame::Other;
                 // Senders 3 to 6 are no range that a mask can name, so versions 1 to 3 let four more through.
-                assert!(passes || !position, "version {version}: {id:03X}");
-                assert!(version < 4 || passes == position, "version {version}: {id:03X}");
+                assert!(passes || !is_read, "version {version}: {id:03X}");
+                assert!(version < 4 || passes == is_read, "version {version}: {id:03X}");
             }
         }
     }

@@ -8,15 +8,19 @@ use taxel_skin::Layout;
 pub(super) const V3_POSITION: u16 = 0x0F;
 /// FINGER_POSE_1 of versions 4 and 5.
 pub(super) const V4_POSITION: u16 = 0x20;
+/// An error of a motor of version 5.
+pub(super) const V5_ERROR: u16 = 0xEE;
 
 impl AllegroConfig {
     /// What a CAN source has to let through for [`crate::AllegroDecoder`].
-    pub fn filter(&self) -> IdFilter {
-        if self.has_ids_of_4() {
-            // Four fingers, bits 2 and 3, of one device, bits 0 and 1.
-            IdFilter::standard(V4_POSITION << 2 | u16::from(self.device), 0x7F3)
-        } else {
-            IdFilter::standard(V3_POSITION << 6, 0x7C0)
+    pub fn filters(&self) -> Vec<IdFilter> {
+        let of_device = |message: u16, mask| IdFilter::standard(message << 2 | u16::from(self.device), mask);
+        // Four fingers, bits 2 and 3, of one device, bits 0 and 1.
+        let positions = of_device(V4_POSITION, 0x7F3);
+        match self.version {
+            5 => vec![positions, of_device(V5_ERROR, 0x7FF)],
+            4 => vec![positions],
+            _ => vec![IdFilter::standard(V3_POSITION << 6, 0x7C0)],
         }
     }
 }
@@ -29,7 +33,7 @@ fn is_hand_id(config: &AllegroConfig, id: u16) -> bool {
         // Grasps, calibration, errors and the fingertips' pressure.
         let of_5 = matches!(
             id >> 2,
-            0x11 | 0x12 | 0x50 | 0x52 | 0x89 | 0x92 | 0xEE | 0xF0 | 0xF2
+            0x11 | 0x12 | 0x50 | 0x52 | 0x89 | 0x92 | V5_ERROR | 0xF0 | 0xF2
         );
         (known || (of_5 && config.version == 5)) && id & 3 == u16::from(config.device)
     } else {

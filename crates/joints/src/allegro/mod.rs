@@ -7,11 +7,13 @@
 mod config;
 mod decoder;
 mod ids;
+mod motor_errors;
 mod source;
 mod starter;
 
 pub use config::{ALLEGRO_FINGERS, ALLEGRO_JOINTS, AllegroConfig};
 pub use decoder::{AllegroCounters, AllegroDecoder, AllegroFrame};
 pub use ids::overlapping_ids;
+pub use motor_errors::{MOTOR_ERROR_NS, MotorError, MotorErrors};
 pub use source::AllegroSource;
 pub use starter::AllegroStarter;

@@ -59,8 +59,8 @@ impl SourceConfig for AllegroSource {
         Some(&self.bus)
     }
 
-    fn filter(&self) -> Option<IdFilter> {
-        self.hand.as_ref().map(AllegroConfig::filter)
+    fn filters(&self) -> Vec<IdFilter> {
+        self.hand.as_ref().map_or_else(Vec::new, AllegroConfig::filters)
     }
 
     fn overlapping_ids(&self, layout: &Layout, bus: u8) -> Vec<u16> {
@@ -93,6 +93,10 @@ impl CanJoints for AllegroJoints {
                         readings.push(joint, t_ns, angle_rad);
                     }
                 }
+                true
+            }
+            AllegroFrame::Error => {
+                readings.motor_errors = *self.decoder.motor_errors();
                 true
             }
             AllegroFrame::Malformed { .. } => {

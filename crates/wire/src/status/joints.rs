@@ -122,8 +122,10 @@ part! {
         version: Option<u8>,
         /// `up`, `down` or `absent`.
         link: String,
-        /// Frames of the hand that gave no angle.
+        /// Frames of the hand that could not be read.
         malformed: u64,
+        /// Messages in which a hand of version 5 reported an error of a motor.
+        motor_errors: u64,
         /// Frames received.
         received: u64,
         /// Frames that the kernel dropped.
