@@ -4,6 +4,7 @@ use std::fmt;
 use std::net::{IpAddr, Ipv4Addr, Ipv6Addr};
 use std::path::PathBuf;
 use std::str::FromStr;
+use taxel_hand::shell_word;
 
 /// The IPv4 group that python-can's `udp_multicast` interface calls its default for IPv4.
 pub(crate) const DEFAULT_UDP_GROUP: Ipv4Addr = Ipv4Addr::new(239, 74, 163, 2);
@@ -94,7 +95,7 @@ impl FromStr for SourceAddress {
 }
 
 fn parse(text: &str) -> Result<SourceAddress, String> {
-    let (scheme, rest) = text.split_once(':').ok_or(UNKNOWN_SCHEME)?;
+    let (scheme, rest) = text.split_once(':').ok_or_else(|| unknown_scheme("", text))?;
     match scheme {
         "can" => match rest {
             "" => Err("the interface is missing".into()),
@@ -114,8 +115,34 @@ fn parse(text: &str) -> Result<SourceAddress, String> {
             "" => Err("the socket's path is missing".into()),
             path => Ok(SourceAddress::Pressure { path: path.into() }),
         },
-        _ => Err(UNKNOWN_SCHEME.into()),
+        _ => Err(unknown_scheme(scheme, rest)),
     }
+}
+
+/// What is wrong with other beginnings than ours, as other programs have them for what the kernel makes an interface of.
+fn unknown_scheme(scheme: &str, rest: &str) -> String {
+    let is_numbered = |prefix| {
+        let number = rest.strip_prefix(prefix);
+        number.is_some_and(|n| !n.is_empty() && n.bytes().all(|b| b.is_ascii_digit()))
+    };
+    let is_interface = match scheme {
+        "" => ["can", "vcan", "slcan"].into_iter().any(is_numbered),
+        _ => is_interface_name(rest),
+    };
+    let advice = match scheme {
+        "" | "vcan" | "socketcan" if is_interface => format!("; the kernel's interface {rest} is can:{rest}"),
+        "slcan" if is_interface => {
+            format!("; slcand makes an interface of a serial adapter, which is can:{rest}")
+        }
+        "slcan" => format!(
+            "; slcand makes an interface of a serial adapter: `slcand -o -s8 {} can0` (1 Mbit/s) and `ip link set \
+             can0 up`, which is can:can0",
+            // With a speed behind it in python-can's words.
+            shell_word(rest.split('@').next().unwrap_or(rest))
+        ),
+        _ => String::new(),
+    };
+    format!("{UNKNOWN_SCHEME}{advice}")
 }
 
 fn interface(name: &str) -> Result<String, String> {
@@ -332,7 +359,19 @@ mod tests {
     fn a_wrong_address_says_what_is_wrong_and_lists_the_forms() {
         let cases = [
             ("vcan0", "starts with none of"),
-            ("tcp:1", "starts with none of"),
+            ("vcan0", "; the kernel's interface vcan0 is can:vcan0. Write"),
+            ("tap.log", "pressure:. Write"),
+            ("tcp:1", "pressure:. Write"),
+            ("vcan:vcan0", "; the kernel's interface vcan0 is can:vcan0. Write"),
+            ("socketcan:can1", "is can:can1. Write"),
+            (
+                "slcan:slcan0",
+                "makes an interface of a serial adapter, which is can:slcan0. Write",
+            ),
+            (
+                "slcan:/dev/ttyUSB0@115200",
+                "`slcand -o -s8 /dev/ttyUSB0 can0` (1 Mbit/s)",
+            ),
             ("can:", "the interface is missing"),
             ("can:a/b", "no interface name"),
             ("can:sixteen_bytes_16", "no interface name"),

@@ -1,9 +1,10 @@
 //! `taxel status`, `rezero`, `pause`, `resume`, `profile` and `mark`: one request to the running daemon.
 
 use crate::client::{control, status_text};
-use anyhow::Context;
+use anyhow::{Context, anyhow};
 use serde_json::{Value, json};
 use std::path::PathBuf;
+use taxel_hand::shell_word;
 use taxel_wire::status::Status;
 use taxeld::stdout;
 
@@ -142,14 +143,7 @@ pub(crate) fn resume(args: &ResumeArgs) -> anyhow::Result<()> {
 
 pub(crate) fn profile(args: &ProfileArgs) -> anyhow::Result<()> {
     if let Some(text) = &args.profile {
-        let text = match text.as_str() {
-            "-" => std::io::read_to_string(std::io::stdin()).context("stdin")?,
-            text => text.to_owned(),
-        };
-        let profile: Value = serde_json::from_str(&text).map_err(|error| {
-            let text = text.trim();
-            anyhow::anyhow!("{text}: {error}; a profile is a JSON object such as {{\"levels\": 4}}")
-        })?;
+        let profile = read_profile(text)?;
         args.ask.send(&json!({ "cmd": "profile", "profile": profile }))?;
         if !args.json {
             return Ok(());
@@ -157,6 +151,29 @@ pub(crate) fn profile(args: &ProfileArgs) -> anyhow::Result<()> {
     }
     let reply = args.ask.send(&json!({ "cmd": "profile" }))?;
     stdout::print(&format!("{}\n", reply["profile"]))
+}
+
+/// A profile as it was given, or as it comes through stdin.
+fn read_profile(given: &str) -> anyhow::Result<Value> {
+    let text = match given {
+        "-" => std::io::read_to_string(std::io::stdin()).context("stdin")?,
+        text => text.to_owned(),
+    };
+    serde_json::from_str(&text).map_err(|error| {
+        let file = std::fs::read_to_string(given).ok().filter(|_| given != "-");
+        let name = if given == "-" { "stdin" } else { given };
+        let is_table = |text: &str| text.lines().any(|line| line.trim() == "[profile]");
+        if is_table(file.as_ref().unwrap_or(&text)) {
+            anyhow!(
+                "{name}: it has a table [profile], which is a part of the daemon's configuration: put it there, and \
+                 `systemctl reload taxeld`"
+            )
+        } else if file.is_some() {
+            anyhow!("{name} is a file, which is read by `taxel profile - < {}`", shell_word(name))
+        } else {
+            anyhow!("{}: {error}; a profile is a JSON object such as {{\"levels\": 4}}", text.trim())
+        }
+    })
 }
 
 pub(crate) fn mark(args: &MarkArgs) -> anyhow::Result<()> {

@@ -123,6 +123,9 @@ fn spool(mut pipe: impl Read, name: &str) -> anyhow::Result<PathBuf> {
     let mut head = Vec::new();
     let read = pipe.by_ref().take(HEAD as u64).read_to_end(&mut head);
     read.with_context(|| name.to_owned())?;
+    if let Some(unpacks) = unpacks(&head) {
+        bail!("{name}: it is packed; `{unpacks} FILE | taxel COMMAND -` reads what is packed in it");
+    }
     let path = path.with_extension(kind(&head).ending());
     copy(&head, &mut pipe, &path).with_context(|| path.display().to_string())?;
     stand_in::call(&path, name);
@@ -151,6 +154,20 @@ fn copy(head: &[u8], rest: &mut impl Read, path: &Path) -> std::io::Result<()> {
     let mut file = File::create(path)?;
     file.write_all(head)?;
     std::io::copy(rest, &mut file).map(drop)
+}
+
+/// The program that unpacks a file that begins so; `None` where it is not packed.
+fn unpacks(head: &[u8]) -> Option<&'static str> {
+    const MAGIC: [(&[u8], &str); 4] = [
+        (b"\x1f\x8b", "zcat"),
+        (b"\xfd7zXZ\0", "xzcat"),
+        (b"\x28\xb5\x2f\xfd", "zstdcat"),
+        (b"BZh", "bzcat"),
+    ];
+    let (_, program) = MAGIC.iter().find(|(magic, _)| head.starts_with(magic))?;
+    // The first column of a table may be called so.
+    let is_text = *program == "bzcat" && head.get(4..10) != Some(b"1AY&SY");
+    (!is_text).then_some(program)
 }
 
 /// The kind of a file that begins so.
@@ -184,6 +201,21 @@ fn kind(head: &[u8]) -> FileKind {
 #[cfg(test)]
 mod tests {
     use super::*;
+
+    #[test]
+    fn the_first_bytes_tell_what_unpacks_a_file() {
+        for (head, program) in [
+            (&b"\x1f\x8b\x08\0"[..], Some("zcat")),
+            (b"\xfd7zXZ\0\0\x04", Some("xzcat")),
+            (b"\x28\xb5\x2f\xfd\x04", Some("zstdcat")),
+            (b"BZh91AY&SY\x12", Some("bzcat")),
+            (b"BZh,b\n0,1,2\n", None),
+            (b"PK\x03\x04....", None),
+            (b"", None),
+        ] {
+            assert_eq!(unpacks(head), program, "{}", String::from_utf8_lossy(head));
+        }
+    }
 
     #[test]
     fn the_first_bytes_tell_the_kind_of_a_recording() {

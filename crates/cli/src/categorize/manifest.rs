@@ -3,6 +3,7 @@
 use super::touches::{Set, above_baseline, of_scene, open, places, taken_for, values};
 use crate::recordings::own_clock::{CLOCK_S, LATE_NS, instant_ns};
 use anyhow::{Context, anyhow, bail, ensure};
+use csv::StringRecord;
 use std::collections::HashMap;
 use std::fs::File;
 use std::io::Read;
@@ -48,11 +49,11 @@ impl Row {
             );
         }
         let radius = self.radius.unwrap_or(0.0);
-        let is_rotary = match self.motion.as_str() {
+        let is_rotary = match self.motion.trim().to_lowercase().as_str() {
             "" => radius > 0.0,
             "vertical" => false,
             "rotary" => true,
-            other => bail!("motion {other:?}; it is vertical or rotary"),
+            _ => bail!("motion {:?}; it is vertical or rotary", self.motion),
         };
         ensure!(
             is_rotary == (radius > 0.0),
@@ -197,6 +198,10 @@ pub(crate) fn read_manifest(path: &Path, options: &ReadOptions) -> anyhow::Resul
         let record = record.with_context(|| path.display().to_string())?;
         let line = record.position().map_or(0, csv::Position::line);
         let at = || format!("{}:{line}", path.display());
+        let record = match head.delimiter {
+            b',' => record,
+            _ => with_points(&record, &headers),
+        };
         let row: Row = record.deserialize(Some(&headers)).map_err(|error| {
             let no_number = match error.kind() {
                 csv::ErrorKind::Deserialize { err, .. } => err.field(),
@@ -225,6 +230,17 @@ pub(crate) fn read_manifest(path: &Path, options: &ReadOptions) -> anyhow::Resul
     ensure!(!jobs.is_empty(), "{}: no touch in it", path.display());
     find_longest(&mut jobs);
     Ok(jobs)
+}
+
+/// A row whose numbers have decimal points: where no comma separates cells, they may have commas.
+fn with_points(record: &StringRecord, names: &StringRecord) -> StringRecord {
+    let cells = record.iter().zip(names);
+    cells
+        .map(|(cell, name)| match name {
+            "depth" | "radius" | "time" => cell.replace(',', "."),
+            _ => cell.to_owned(),
+        })
+        .collect()
 }
 
 /// Fills in `longest` of each row: motions to several depths may be cut out of one file.

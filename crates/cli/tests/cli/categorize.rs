@@ -36,7 +36,14 @@ pub(crate) fn recorded() -> TempDir {
     let manifest = format!("# six touches\nphantom,motion,depth,radius,area,label,file,time\n{manifest}");
     for (name, text) in [
         ("frames.csv", frames),
-        ("semicolons.csv", manifest.replace(',', ";")),
+        // As a spreadsheet writes it where decimals have commas, filled in by hand.
+        (
+            "semicolons.csv",
+            manifest
+                .replace(',', ";")
+                .replace(";6.5;", ";6,5;")
+                .replace("vertical", "Vertical "),
+        ),
         (
             "quoted.csv",
             manifest

@@ -1,6 +1,6 @@
 //! `taxel pause`, `resume`, `profile` and their like, of a real daemon in this process.
 
-use crate::{HANGS_AFTER, fails, simulated, succeeds};
+use crate::{HANGS_AFTER, fails, simulated, succeeds, texts};
 use serde_json::{Value, json};
 use std::fs::{self, File};
 use std::io::{BufRead, BufReader, Write};
@@ -141,6 +141,45 @@ fn a_profile_is_read_from_stdin() {
     assert!(taxel.status().unwrap().success());
     assert_eq!(object(&dir, &["profile"])["levels"], 3);
     daemon.stop().unwrap();
+}
+
+#[test]
+fn a_file_in_place_of_a_profile_is_told_with_where_it_belongs() {
+    let dir = TempDir::new().unwrap();
+    let write = |name: &str, text: &str| fs::write(dir.path().join(name), text).unwrap();
+    write("my glove.json", "{\"levels\": 3}\n");
+    write(
+        "cb.toml",
+        "# Learned.\n[profile]\nlevels = 3\ncodebook = [1.0, 2.0, 4.0]\n",
+    );
+    // No daemon is asked.
+    for (profile, wanted) in [
+        (
+            "my glove.json",
+            "my glove.json is a file, which is read by `taxel profile - < 'my glove.json'`",
+        ),
+        (
+            "cb.toml",
+            "cb.toml: it has a table [profile], which is a part of the daemon's configuration",
+        ),
+        (
+            "{levels: 3}",
+            "{levels: 3}: key must be a string at line 1 column 2; a profile is a JSON object such as",
+        ),
+        (
+            "none.json",
+            "none.json: expected ident at line 1 column 2; a profile is a JSON object",
+        ),
+    ] {
+        let said = fails(&dir, &[&["profile", profile], &CONTROL[..]].concat(), 1);
+        assert!(said.contains(wanted), "{profile}: {said}");
+    }
+    let mut taxel = Command::new(env!("CARGO_BIN_EXE_taxel"));
+    let taxel = taxel
+        .args(["profile", "-"])
+        .stdin(File::open(dir.path().join("cb.toml")).unwrap());
+    let said = texts(&taxel.output().unwrap()).1;
+    assert!(said.contains("stdin: it has a table [profile]"), "{said}");
 }
 
 #[test]

@@ -51,6 +51,18 @@ fn a_recording_of_any_kind_is_read_from_stdin_and_leaves_no_file() {
 }
 
 #[test]
+fn what_is_packed_is_told_with_what_unpacks_it() {
+    let dir = TempDir::new().unwrap();
+    fs::write(dir.path().join("packed"), b"\x1f\x8b\x08\0\xff\xff").unwrap();
+    let output = reading(&dir, "packed", &["compress", "-", "--out", "images.npy"]);
+    let said = texts(&output).1;
+    assert!(
+        said.contains("stdin: it is packed; `zcat FILE | taxel COMMAND -`"),
+        "{said}"
+    );
+}
+
+#[test]
 fn what_came_through_stdin_is_called_so() {
     let dir = crate::categorize::recorded();
     let args = ["categorize", "-", "--marks", "marks.csv", "--classes", "2"];
