@@ -1,4 +1,4 @@
-//! Columns of a csv file whose names are in threes: x, y and z of a taxel.
+//! Columns of a csv file in the order of their names: those that are in threes, x, y and z of a taxel, and those with numbers.
 
 use std::collections::BTreeMap;
 
@@ -71,6 +71,18 @@ pub(crate) fn named_axes(
     ))
 }
 
+/// Columns of values in the order of the numbers in their names, where they stand in that of these names as texts and it is
+/// another one: `s0`, `s1`, `s10`, `s2`, as whoever sorts names without looking at the numbers has them.
+pub(crate) fn by_numbers(values: &[usize], names: &[&str]) -> Option<Vec<usize>> {
+    let mut columns: Vec<(String, usize)> = values.iter().map(|c| (names[*c].to_owned(), *c)).collect();
+    if !columns.is_sorted_by(|(a, _), (b, _)| a < b) {
+        return None;
+    }
+    sort_by_numbers(&mut columns);
+    let sorted: Vec<usize> = columns.into_iter().map(|(_, column)| column).collect();
+    (sorted != values).then_some(sorted)
+}
+
 /// What a column of this name is an axis of, and of the axes which. pandas puts `.1` behind a name that came before.
 fn axis_of(name: &str) -> Option<(String, usize)> {
     let name = name.to_ascii_lowercase();
@@ -83,7 +95,7 @@ fn axis_of(name: &str) -> Option<(String, usize)> {
 }
 
 /// Puts those taxels whose names are alike but for one number in the order of that number, in the places that they have.
-fn sort_by_numbers(taxels: &mut [(String, Axes)]) {
+fn sort_by_numbers<T: Clone>(taxels: &mut [(String, T)]) {
     for piece in 0..MAX_PIECES {
         let mut alike: BTreeMap<(String, String), Vec<(u64, usize)>> = BTreeMap::new();
         for (place, (name, _)) in taxels.iter().enumerate() {
@@ -95,8 +107,7 @@ fn sort_by_numbers(taxels: &mut [(String, Axes)]) {
         for mut numbers in alike.into_values() {
             let places: Vec<usize> = numbers.iter().map(|(_, place)| *place).collect();
             numbers.sort_unstable();
-            let sorted: Vec<(String, Axes)> =
-                numbers.iter().map(|(_, place)| taxels[*place].clone()).collect();
+            let sorted: Vec<(String, T)> = numbers.iter().map(|(_, place)| taxels[*place].clone()).collect();
             for (place, taxel) in places.into_iter().zip(sorted) {
                 taxels[place] = taxel;
             }

@@ -1,7 +1,7 @@
 //! What the columns of a csv file are.
 
 use crate::clock_name::{ClockName, in_two_columns, last_part};
-use crate::csv_axes::named_axes;
+use crate::csv_axes::{by_numbers, named_axes};
 use crate::table::{ColumnNames, ReadOptions, TimeUnit};
 use csv::ByteRecord;
 use std::collections::BTreeMap;
@@ -123,11 +123,14 @@ impl LineColumns {
             (false, Some(_)) => None,
         };
         let are_counts = counts.is_some();
-        let values = counts.unwrap_or(skin);
+        let sorted = by_numbers(&skin, &names).filter(|_| !are_counts && options.columns.is_none());
+        let are_sorted = sorted.is_some();
+        let values = counts.or(sorted).unwrap_or(skin);
         let named = |columns: &[usize]| columns.iter().map(|column| names[*column].to_owned()).collect();
         let names_of_columns = ColumnNames {
             values: named(&values),
             left_out: named(&left_out),
+            are_sorted,
             ..ColumnNames::default()
         };
         let places = Places { values, joints };
@@ -272,6 +275,13 @@ fn joint_number(name: &str) -> Option<u32> {
         .iter()
         .find_map(|begin| name.strip_prefix(begin))?;
     number.parse().ok()
+}
+
+/// The board whose column has this name, `{board}B{taxel}X` without a finger.
+pub(crate) fn board_of(name: &str) -> Option<u32> {
+    let is_of_finger = name.to_ascii_uppercase().contains('F');
+    let Axis { taxel, .. } = Axis::of_name(name).filter(|_| !is_of_finger)?;
+    Some(taxel.1)
 }
 
 /// A column's taxel (finger, board, taxel) and axis.

@@ -12,6 +12,7 @@
 //! frames, counts and joint angles, as `.csv`, [`FrameArrays`] as `.npz`, and `FrameColumns`, with the feature `parquet`, as
 //! `.parquet`.
 
+mod boards;
 mod clock_name;
 mod csv;
 mod csv_axes;

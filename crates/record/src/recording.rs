@@ -26,12 +26,12 @@ pub struct Recording {
     shape: Option<(usize, usize)>,
     /// Which cells of a frame are taxels, where not all of them are.
     cells: Option<Vec<bool>>,
-    frames: Frames,
+    pub(crate) frames: Frames,
     times_ns: Option<Vec<u64>>,
     joints: Option<Vec<f32>>,
     rate_hz: f64,
     unitless_time: Option<String>,
-    names: Box<ColumnNames>,
+    pub(crate) names: Box<ColumnNames>,
     counts_step: Option<u32>,
 }
 
@@ -217,6 +217,12 @@ impl Recording {
     /// The names of the columns that are values, in the order of a frame's; empty where the file names none.
     pub fn column_names(&self) -> &[String] {
         &self.names.values
+    }
+
+    /// Whether columns of magnitudes stood in the order of their names as texts, `s1`, `s10`, `s2`, and were put in that of
+    /// the numbers.
+    pub fn are_columns_sorted(&self) -> bool {
+        self.names.are_sorted
     }
 
     /// The comment before the first frame that the names of the columns were taken from, without its `#`.

@@ -66,6 +66,8 @@ pub enum TimeUnit {
 pub(crate) struct ColumnNames {
     /// Those that are values, in the order of a frame's.
     pub(crate) values: Vec<String>,
+    /// Whether they were put in the order of their numbers.
+    pub(crate) are_sorted: bool,
     /// Those that are neither values, joint angles nor the time of a frame.
     pub(crate) left_out: Vec<String>,
     /// The comment that they stand in, where no line of their own has them.

@@ -26,7 +26,14 @@ pub(crate) fn of_columns(recording: &Recording) -> impl Iterator<Item = String> 
         };
         format!("the comment {names:?} is taken for the names of its columns")
     });
-    comment.into_iter().chain(left_out).chain(names)
+    let sorted = (recording.are_columns_sorted()).then(|| {
+        let first = &recording.column_names()[..recording.taxels().min(3)];
+        format!(
+            "its columns stand in the order of their names as texts; they are taken by the numbers in them, {}, ..",
+            first.join(", ")
+        )
+    });
+    comment.into_iter().chain(left_out).chain(names).chain(sorted)
 }
 
 /// That a column is taken for seconds, or that a recording without times is taken to have come at a rate that nobody gave.

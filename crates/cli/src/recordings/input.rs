@@ -1,6 +1,6 @@
 //! INPUT: any recording the tool knows, and what to say about it where the file does not.
 
-use super::{assumed, implausible_times};
+use super::{assumed, boards, implausible_times};
 use crate::piped_file::{layout_parser, recording_parser};
 use anyhow::{Context, bail};
 use std::cell::OnceCell;
@@ -133,8 +133,14 @@ impl InputArgs {
             void: self.void.clone(),
             idle_frames: self.idle,
         };
-        let recording = Recording::open(&self.path, &options).map_err(|error| self.advised(error, hand))?;
-        let name = recording.name();
+        let mut recording = match Recording::open(&self.path, &options) {
+            Ok(recording) => recording,
+            Err(error) => return Err(self.advised(error, hand)),
+        };
+        let name = recording.name().to_owned();
+        if let Some(sentence) = boards::place(&mut recording, hand)? {
+            remark!("taxel: {name}: {sentence}");
+        }
         let of_times = assumed::of_times(&recording, &options, "--time-column UNIT says otherwise");
         let of_steps = assumed::of_steps(&recording);
         let clock = implausible_times::told(&recording);

@@ -1,6 +1,7 @@
 //! Recordings as commands take them, what is told of them, and frames and marks in files.
 
 pub(crate) mod assumed;
+mod boards;
 pub(crate) mod frame_output;
 pub(crate) mod held_to_the_end;
 pub(crate) mod implausible_times;

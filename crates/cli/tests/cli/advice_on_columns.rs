@@ -317,3 +317,99 @@ fn rows_of_the_hand_of_a_configuration_lead_to_their_columns_also_where_the_last
     assert!(fails(&dir, &args, 1).contains("--void nan"));
     succeeds(&dir, &[&args, &["--void", "nan"][..]].concat());
 }
+
+#[test]
+fn columns_that_name_boards_are_on_their_modules() {
+    let dir = TempDir::new().unwrap();
+    let layout = |first: u8, second: u8| {
+        let module = |name: &str, board: u8, x: u8| {
+            format!(
+                "[[module]]\nname = \"{name}\"\npart = \"p\"\nbus = \"can0\"\nboard = {board}\nprotocol = \"uskin-l2\"\n\
+                 at = [{x}, 0]\norder = [[0, 1]]\n"
+            )
+        };
+        let text = "name = \"two\"\nimage = { width = 4, height = 1 }\nbuses = [\"can0\"]\n";
+        let text = text.to_owned() + &module("a", first, 0) + &module("b", second, 2);
+        std::fs::write(dir.path().join("two.toml"), text).unwrap();
+    };
+    // Taxel 0 of the board that is named first is pressed, or of the other.
+    let write = |boards: [u8; 2], pressed: usize| {
+        let names = boards.map(|b| format!("{b}B0X,{b}B0Y,{b}B0Z,{b}B1X,{b}B1Y,{b}B1Z"));
+        let mut text = format!("t_s,{}\n", names.join(","));
+        for i in 0..120 {
+            let mut counts = [20000 + i % 3; 12];
+            counts[6 * pressed + 2] += if i < 90 { 0 } else { 900 };
+            let counts: Vec<String> = counts.iter().map(i32::to_string).collect();
+            text += &format!("{},{}\n", f64::from(i) / 30.0, counts.join(","));
+        }
+        std::fs::write(dir.path().join("in.csv"), text).unwrap();
+    };
+    let args = ["compress", "in.csv", "--layout", "two.toml", "--out", "o.csv"];
+    let as_modules = "taken for the modules of layout two in order";
+    for (wired, named, x, told) in [
+        ([3, 1], [3, 1], [0, 2], None),
+        ([3, 1], [1, 3], [2, 0], None),
+        ([3, 1], [0, 1], [0, 2], None),
+        ([1, 0], [0, 1], [0, 2], Some(as_modules)),
+        ([4, 7], [1, 2], [0, 2], Some(as_modules)),
+    ] {
+        layout(wired[0], wired[1]);
+        for pressed in [0, 1] {
+            write(named, pressed);
+            let (_, err) = succeeds(&dir, &args);
+            let case = format!("boards {wired:?}, columns of {named:?}, the {pressed}. is pressed: {err}");
+            assert_eq!(told.is_some(), err.contains(as_modules), "{case}");
+            let images = std::fs::read_to_string(dir.path().join("o.csv")).unwrap();
+            let grey = images.lines().last().unwrap().split(',').map(str::to_owned);
+            let greys: Vec<String> = grey.collect();
+            let at = greys[greys.len() - 4..].iter().position(|grey| grey != "0");
+            assert_eq!(at, Some(x[pressed]), "{case}");
+        }
+    }
+    layout(3, 1);
+    write([3, 9], 0);
+    let err = fails(&dir, &args, 1);
+    let wanted = "columns are of boards 3, 9, and the boards of layout two are 3, 1; name them so, or by the modules in order, 0 to 1";
+    assert!(err.contains(wanted), "{err}");
+}
+
+#[test]
+fn columns_in_the_order_of_their_names_as_texts_are_taken_by_their_numbers() {
+    let dir = TempDir::new().unwrap();
+    let write = |order: &[usize]| {
+        let names: Vec<String> = order.iter().map(|n| format!("s{n}")).collect();
+        let pressed: Vec<&str> = order.iter().map(|n| if *n == 2 { "50" } else { "0" }).collect();
+        std::fs::write(
+            dir.path().join("in.csv"),
+            format!("{}\n{}\n", names.join(","), pressed.join(",")),
+        )
+        .unwrap();
+    };
+    let args = [
+        "compress",
+        "in.csv",
+        "--layout",
+        "grid:3x4",
+        "--threshold",
+        "10",
+        "--out",
+        "o.csv",
+        "--rate",
+        "30",
+    ];
+    let told = "in the order of their names as texts; they are taken by the numbers in them, s0, s1, s2, ..";
+    // As they are written by who sorts texts; as they count; and as somebody has laid them out.
+    for (order, place, is_told) in [
+        ([0, 1, 10, 11, 2, 3, 4, 5, 6, 7, 8, 9], 2, true),
+        ([0, 1, 2, 3, 4, 5, 6, 7, 8, 9, 10, 11], 2, false),
+        ([3, 2, 1, 0, 7, 6, 5, 4, 11, 10, 9, 8], 1, false),
+    ] {
+        write(&order);
+        let (_, err) = succeeds(&dir, &args);
+        assert_eq!(err.contains(told), is_told, "{err}");
+        let images = std::fs::read_to_string(dir.path().join("o.csv")).unwrap();
+        let greys: Vec<&str> = images.lines().last().unwrap().split(',').collect();
+        let at = greys[greys.len() - 12..].iter().position(|grey| *grey != "0");
+        assert_eq!(at, Some(place), "{order:?}: {images}");
+    }
+}
