@@ -4,8 +4,9 @@
  *     cc -std=c99 -O2 -I crates/wire/c examples/display.c -o display
  *     ./display /run/taxeld/images.sock
  *
- * Put your hardware into drive(), which is called with the levels of all actuators whenever they change. When
- * no image has come for DEAD_MAN_MS everything is let go: a display must not press on what the hand no longer
+ * Put your hardware into drive(), which is called with the levels of all actuators, 0 to LEVELS, whenever they
+ * change. The display states how many it has: without that a level is one of the daemon's, whose number may change.
+ * When no image has come for DEAD_MAN_MS everything is let go: a display must not press on what the hand no longer
  * feels. When the daemon goes away the driver lets go at once and connects again.
  *
  * SPDX-License-Identifier: Apache-2.0 OR MIT
@@ -17,7 +18,8 @@
 #include <stdio.h>
 #include <time.h>
 
-#define ACTUATORS 64     /* of your display; ids above are not there and are counted as not shown */
+#define LEVELS 8         /* of force, and actuators, of your display */
+#define ACTUATORS 16     /* ids above are not there and are counted as not shown */
 #define DEAD_MAN_MS 200  /* a few image periods; at 30 Hz an image comes every 33 ms */
 #define RECONNECT_MS 500
 
@@ -57,7 +59,8 @@ static void show(const struct taxel_message *message, const struct taxel_image *
     size_t i, not_shown = 0;
     for (i = 0; taxel_image_actuator(image, i, &actuator); i++) {
         if (actuator.id < ACTUATORS)
-            next[actuator.id] = actuator.level;
+            /* The first image may be from before the daemon has heard of LEVELS. */
+            next[actuator.id] = actuator.level < LEVELS ? actuator.level : LEVELS;
         else
             not_shown++;
     }
@@ -77,6 +80,12 @@ static enum taxel_result follow(int fd, uint16_t levels[ACTUATORS])
     struct taxel_message message;
     struct taxel_image image;
     struct timespec last, now;
+    char profile[64];
+    enum taxel_result asked;
+    snprintf(profile, sizeof profile, "{\"profile\": {\"levels\": %d, \"actuators\": %d}}", LEVELS, ACTUATORS);
+    asked = taxel_subscribe(fd, profile);
+    if (asked != TAXEL_OK)
+        return asked;
     clock_gettime(CLOCK_MONOTONIC, &last);
     while (!stop) {
         enum taxel_result result = taxel_receive(fd, packet, sizeof packet, 20, &message);

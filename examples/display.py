@@ -3,7 +3,8 @@
 
     PYTHONPATH=crates/wire/python python3 examples/display.py /run/taxeld/images.sock
 
-Put your hardware into drive(), which is called with the levels of all pressing actuators whenever they change.
+Put your hardware into drive(), which is called with the levels of all pressing actuators, 1 to LEVELS, whenever they
+change. The display states how many it has: without that a level is one of the daemon's, whose number may change.
 When no image has come for DEAD_MAN_S everything is let go: a display must not press on what the hand no longer
 feels. When the daemon goes away the driver lets go at once and connects again.
 
@@ -21,6 +22,8 @@ try:
 except ImportError:
     sys.exit("taxel_reader.py is not found: copy it beside this file, or set PYTHONPATH=crates/wire/python")
 
+LEVELS = 8
+ACTUATORS = 16
 DEAD_MAN_S = 0.2
 """A few image periods; at 30 Hz an image comes every 0.033 s."""
 RECONNECT_S = 0.5
@@ -47,6 +50,7 @@ class Display:
 
 def follow(reader: taxel_reader.Reader, display: Display) -> None:
     """Shows images until the connection ends, which raises an OSError."""
+    reader.subscribe(profile={"levels": LEVELS, "actuators": ACTUATORS})
     last = time.monotonic()
     while True:
         try:
@@ -57,7 +61,8 @@ def follow(reader: taxel_reader.Reader, display: Display) -> None:
             print(f"display: a message was not usable: {error}", file=sys.stderr)
             message = None
         if isinstance(message, taxel_reader.Image):
-            display.show({a.id: a.level for a in message.actuators}, "image")
+            # The first may be from before the daemon has heard of LEVELS.
+            display.show({a.id: min(a.level, LEVELS) for a in message.actuators}, "image")
             last = time.monotonic()
         elif isinstance(message, taxel_reader.Text) and message.header.type == taxel_reader.EVENT:
             print(f"taxeld: {message.json().get('message')}", file=sys.stderr)

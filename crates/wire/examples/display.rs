@@ -2,8 +2,9 @@
 //!
 //!     cargo run -p taxel-wire --example display -- /run/taxeld/images.sock
 //!
-//! Put your hardware into [`drive`], which is called with the levels of all pressing actuators
-//! whenever they change. When no image has come for [`DEAD_MAN`] everything is let go: a display
+//! Put your hardware into [`drive`], which is called with the levels of all pressing actuators, 1 to
+//! [`LEVELS`], whenever they change. The display states how many it has: without that a level is one
+//! of the daemon's, whose number may change. When no image has come for [`DEAD_MAN`] everything is let go: a display
 //! must not press on what the hand no longer feels. When the daemon goes away the driver lets go at
 //! once and connects again.
 
@@ -14,8 +15,12 @@ use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, Ordering};
 use std::thread::sleep;
 use std::time::{Duration, Instant};
-use taxel_wire::{DecodeError, ReadError, Received, Subscriber};
+use taxel_hand::Profile;
+use taxel_wire::{DecodeError, ReadError, Received, Subscribe, Subscriber};
 
+/// Of force, and actuators, of your display.
+const LEVELS: u16 = 8;
+const ACTUATORS: u16 = 16;
 /// A few image periods; at 30 Hz an image comes every 33 ms.
 const DEAD_MAN: Duration = Duration::from_millis(200);
 const RECONNECT: Duration = Duration::from_millis(500);
@@ -55,11 +60,22 @@ impl Display {
 
 /// Shows images until the connection ends, or the driver is told to stop.
 fn follow(subscriber: &mut Subscriber, display: &mut Display, stop: &AtomicBool) -> Result<(), ReadError> {
+    let profile = Profile {
+        levels: LEVELS,
+        actuators: ACTUATORS,
+        ..Profile::default()
+    };
+    subscriber.subscribe(&Subscribe {
+        profile: Some(profile),
+        ..Subscribe::default()
+    })?;
     let mut last = Instant::now();
     while !stop.load(Ordering::Relaxed) {
         match subscriber.next_timeout(Duration::from_millis(20)) {
             Ok(Some(Received::Image(_, image))) => {
-                display.show(image.actuators().map(|a| (a.id, a.level)).collect(), "image");
+                // The first may be from before the daemon has heard of LEVELS.
+                let levels = image.actuators().map(|a| (a.id, a.level.min(LEVELS)));
+                display.show(levels.collect(), "image");
                 last = Instant::now();
             }
             Ok(Some(Received::Event(_, event))) => eprintln!("taxeld: {}", event.message),

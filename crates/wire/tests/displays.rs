@@ -9,7 +9,7 @@ use std::io::{BufRead, BufReader, Read};
 use std::path::{Path, PathBuf};
 use std::process::{Child, ChildStdout, Command, Stdio};
 use taxel_hand::{Actuator, TactileImage};
-use taxel_wire::{Event, EventKind};
+use taxel_wire::{Event, EventKind, Subscribe};
 use tempfile::TempDir;
 
 fn here(path: &str) -> PathBuf {
@@ -56,6 +56,7 @@ fn image(seq: u64, levels: &[(u16, u16)]) -> Vec<u8> {
         &TactileImage {
             seq,
             actuators: actuators.collect(),
+            levels: (1..=64).map(f64::from).collect(),
             ..vectors::example()
         },
         0,
@@ -68,8 +69,12 @@ fn behaves(daemon: &FakeDaemon, mut driver: Driver) {
     for part in vectors::hello().to_packets(0, 0) {
         client.send(&part);
     }
-    client.send(&image(1, &[(0, 1), (3, 2)]));
-    assert_eq!(driver.line(), "image: 0=1 3=2");
+    let asked = Subscribe::from_packet(&client.receive()).unwrap();
+    let profile = asked.profile.expect("the display states what it can do");
+    assert_eq!((profile.levels, profile.actuators), (8, 16));
+    // One is of 64 levels, as of the daemon's own profile from before.
+    client.send(&image(1, &[(0, 1), (3, 61)]));
+    assert_eq!(driver.line(), "image: 0=1 3=8");
     client.send(&Event::new(EventKind::Notice, "all is well").to_packet(1, 0));
     assert_eq!(
         driver.line(),
