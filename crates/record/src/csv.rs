@@ -421,6 +421,9 @@ fn refuse_log_of_python_can(header: &ByteRecord, path: &Path) -> Result<(), Stri
     ))
 }
 
+/// What others write where there is no value.
+const NO_VALUE: [&str; 7] = ["na", "n/a", "#n/a", "null", "none", "-", "nil"];
+
 /// The number of a cell; not a number where it is empty.
 fn number(column: usize, bytes: &[u8]) -> Result<f64, String> {
     let text = cell(bytes)?;
@@ -441,7 +444,14 @@ fn number(column: usize, bytes: &[u8]) -> Result<f64, String> {
             }
             [b'[', ..] => ", a list; write its values to columns of their own: in pandas pandas.DataFrame(df.NAME.tolist())",
             _ if text.split([' ', '\t', ';', '|']).all(|cell| cell.parse::<f64>().is_ok()) => NO_SEPARATOR,
-            _ if text.contains(',') => "; decimals are written with a point",
+            _ if text.contains(',') && text.contains('.') => {
+                "; thousands are not set apart: in pandas pandas.read_csv(NAME, thousands=\",\").to_csv(NEW, index=False)"
+            }
+            _ if text.contains(',') => {
+                "; decimals are written with a point: in pandas pandas.read_csv(NAME, sep=None, engine=\"python\", \
+                 decimal=\",\").to_csv(NEW, index=False)"
+            }
+            _ if NO_VALUE.iter().any(|word| word.eq_ignore_ascii_case(text)) => "; a cell without a value is left empty",
             _ => "",
         };
         format!("column {} is {quoted:?}, {NO_NUMBER}{advice}", column + 1)

@@ -346,6 +346,15 @@ fn columns_that_are_no_taxels_are_left_out_and_told() {
             ":2: column 1 is \"metal_pen_case\", which is not a number; cut that column out",
         ),
         (
+            "t_s;a\n0,1;2,5\n",
+            "decimals are written with a point: in pandas pandas.read_csv(NAME, sep=None, engine=\"python\", decimal=\",\")",
+        ),
+        ("t_s;a\n0.1;1,234.5\n", "thousands are not set apart: in pandas"),
+        (
+            "t_s,a\n0,1\n1,NA\n",
+            ":3: column 2 is \"NA\", which is not a number; a cell without a value is left empty",
+        ),
+        (
             "made by,me,in 2024\nt_s,a,b\n0,1,2\n",
             "cut off what is before it (`tail -n +N`)",
         ),
