@@ -55,6 +55,7 @@ pub(crate) fn run(_: &Args) -> anyhow::Result<()> {
 
 #[cfg(feature = "foxglove")]
 pub(crate) fn run(args: &Args) -> anyhow::Result<()> {
+    use crate::client::hands;
     use crate::{notices, stdout};
     use anyhow::Context;
     use std::net::TcpListener;
@@ -65,6 +66,9 @@ pub(crate) fn run(args: &Args) -> anyhow::Result<()> {
     let bound = listener.local_addr()?;
     let interrupt = Interrupt::install()?;
     say!("the hand is at ws://{bound}, for Foxglove and Lichtblick; Ctrl-C stops it");
+    if args.socket.is_none() {
+        hands::warn_of_others(&taxeld::config::running_socket("images.sock"));
+    }
     let socket = args.socket.clone();
     let counts = taxel_foxglove::serve(taxel_foxglove::Plan {
         listener,

@@ -12,7 +12,7 @@ mod unread_joints;
 
 pub use buses::told_apart;
 pub use place::line_of;
-pub use sockets::{ControlConfig, SocketConfig, running_socket};
+pub use sockets::{ControlConfig, SocketConfig, other_hands, running_socket};
 
 use serde::{Deserialize, Serialize};
 use std::path::Path;

@@ -3,6 +3,7 @@
 use crate::within;
 use nix::unistd::AccessFlags;
 use serde::{Deserialize, Serialize};
+use std::ffi::OsStr;
 use std::path::{Path, PathBuf};
 
 /// Where subscribers connect, and who may.
@@ -155,4 +156,40 @@ pub fn running_socket(name: &str) -> PathBuf {
         return own;
     }
     Path::new(SYSTEM_DIRECTORY).join(name)
+}
+
+/// The sockets of the same name of other hands on this machine, each of which has a daemon of its own (`taxeld@left` in
+/// `/run/taxeld-left`), and what these hands are called; in that order. None where the socket is in none of the folders
+/// where it is looked for unless it is named. A daemon that has ended may have left its socket behind.
+pub fn other_hands(socket: &Path) -> Vec<(String, PathBuf)> {
+    let (Some(folder), Some(name)) = (socket.parent(), socket.file_name()) else {
+        return Vec::new();
+    };
+    let system = Path::new(SYSTEM_DIRECTORY);
+    let mut folders = match folder == system || folder == default_directory() {
+        true => vec![folder],
+        false => return Vec::new(),
+    };
+    if folder != system && std::env::var_os("RUNTIME_DIRECTORY").is_none_or(|own| own.is_empty()) {
+        folders.push(system);
+    }
+    let mut hands: Vec<_> = folders.into_iter().flat_map(folders_of_hands).collect();
+    hands.sort();
+    let socket = |(hand, folder): (String, PathBuf)| (hand, folder.join(name));
+    hands.into_iter().map(socket).collect()
+}
+
+/// The folders of several hands beside `taxeld`. Beside one of another name there are none: it is one hand's itself, as that
+/// of `taxel-record@left`, or one of several users'.
+fn folders_of_hands(folder: &Path) -> Vec<(String, PathBuf)> {
+    let beside = folder
+        .parent()
+        .filter(|_| folder.file_name() == Some(OsStr::new("taxeld")));
+    let entries = beside.and_then(|beside| std::fs::read_dir(beside).ok());
+    let hand = |entry: std::fs::DirEntry| {
+        let name = entry.file_name().into_string().ok()?;
+        let hand = name.strip_prefix("taxeld-").filter(|hand| !hand.is_empty())?;
+        Some((hand.to_owned(), entry.path()))
+    };
+    entries.into_iter().flatten().flatten().filter_map(hand).collect()
 }

@@ -1,5 +1,6 @@
 //! A daemon's control socket: one request, one reply.
 
+use super::hands;
 use anyhow::{Context, anyhow, bail};
 use nix::libc::EPROTOTYPE;
 use serde_json::Value;
@@ -79,10 +80,13 @@ impl Connection {
                     who_may_open(socket),
                     table_of(socket)
                 ),
-                ErrorKind::NotFound | ErrorKind::ConnectionRefused => {
-                    "; no taxeld runs there: start it (`taxeld --config FILE`), or name the socket of another one"
-                        .into()
-                }
+                ErrorKind::NotFound | ErrorKind::ConnectionRefused => format!(
+                    "; {}",
+                    hands::advice(socket, hands::socket_option).unwrap_or_else(|| {
+                        "no taxeld runs there: start it (`taxeld --config FILE`), or name the socket of another one"
+                            .into()
+                    })
+                ),
                 ErrorKind::TimedOut => "; its log says what it does, and where it hangs, restart it".into(),
                 _ if error.raw_os_error() == Some(EPROTOTYPE) => {
                     "; images come from there, requests go to status.sock or control.sock beside it".into()

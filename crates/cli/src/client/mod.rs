@@ -2,6 +2,7 @@
 //! published.
 
 pub(crate) mod control;
+pub(crate) mod hands;
 pub(crate) mod live_lines;
 pub(crate) mod publisher;
 pub(crate) mod rates;

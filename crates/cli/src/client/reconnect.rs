@@ -1,5 +1,6 @@
 //! A connection to the daemon's image socket that is made anew when the daemon is back.
 
+use super::hands;
 use crate::notices;
 use nix::poll::{PollFd, PollFlags, PollTimeout, poll};
 use std::os::fd::AsFd;
@@ -48,12 +49,12 @@ pub(crate) fn with_daemon(
                 if !std::mem::replace(&mut is_waiting, true) {
                     notices::warn(&format!(
                         "taxel: {}; waiting for it",
-                        crate::errors::describe(&error)
+                        crate::errors::describe(&hands::told(error))
                     ));
                 }
                 std::thread::sleep(LOOK);
             }
-            outcome => return outcome,
+            outcome => return outcome.map_err(hands::told),
         }
     }
 }

@@ -8,7 +8,7 @@ mod same_hand;
 pub(crate) use outcome::words;
 
 use self::described::preamble;
-use crate::client::control;
+use crate::client::{control, hands};
 use crate::errors::wrong_use;
 use crate::notices;
 use crate::piped_file::text_parser;
@@ -142,6 +142,13 @@ pub(crate) fn run(args: &Args) -> anyhow::Result<()> {
     // A daemon that does not answer yet is waited for.
     let hello = sockets.as_ref().and_then(|[images, _]| same_hand::hello(images));
     let status_socket = sockets.as_ref().map(|[_, status]| status.as_path());
+    if let (None, Some([images, _])) = (&hello, &sockets) {
+        // Without its daemon there is nothing to record.
+        match config.is_none() && args.names_no_bus() {
+            true => hands::refuse_others(images, hands::socket_option)?,
+            false => hands::warn_of_others(images),
+        }
+    }
     if let Some(hello) = &hello {
         args.check_hand(config, status_socket, hello)?;
     }

@@ -2,8 +2,8 @@
 
 use super::recorder::Recorder;
 use super::{GLANCE_S, Sheet, Source, lock, look, request_of, summary};
-use crate::client::control;
 use crate::client::reconnect::{PATIENCE, SAYS_NOTHING};
+use crate::client::{control, hands};
 use crate::terminal;
 use serde_json::Value;
 use std::path::{Path, PathBuf};
@@ -58,7 +58,7 @@ pub(super) fn run(
         over: AtomicBool::new(false),
     });
     // Nobody to wait for at the start is an error; later the daemon may come back.
-    let subscriber = daemon.connect()?;
+    let subscriber = daemon.connect().map_err(|error| hands::told(error.into()))?;
     let reader = daemon.clone();
     let reader = std::thread::Builder::new()
         .name("reader".into())

@@ -33,6 +33,7 @@ mod recorded_times;
 mod recordings;
 mod replay;
 mod setup;
+mod several_hands;
 mod shown_images;
 mod silent_hands;
 mod sim;

@@ -7,6 +7,7 @@ mod newest;
 mod plan;
 
 use crate::client::control::Held;
+use crate::client::hands;
 use crate::errors::wrong_use;
 use crate::notices;
 use anyhow::{Context, bail};
@@ -14,10 +15,11 @@ use gripper::Gripper;
 use lock::Lock;
 use plan::{Next, Plan, Settings};
 use std::io::BufRead;
-use std::path::PathBuf;
+use std::path::{Path, PathBuf};
 use std::sync::mpsc::{Receiver, RecvTimeoutError, channel};
 use std::time::{Duration, Instant};
 use taxel_forearm::{FULL_PWM, PLACES, Ramp, Session, Squeeze, location_percent};
+use taxel_hand::shell_word;
 use taxel_playback::interrupt::Interrupt;
 use taxel_playback::output_file::OutputFile;
 use taxeld::stdout;
@@ -132,6 +134,17 @@ pub(crate) fn run(args: &Args) -> anyhow::Result<()> {
         .socket
         .clone()
         .unwrap_or_else(|| taxeld::config::running_socket("images.sock"));
+    if args.control.is_none() {
+        let options = |control: &Path| {
+            let images = control.with_file_name("images.sock");
+            format!(
+                "--control {} {}",
+                shell_word(control.display()),
+                hands::socket_option(&images)
+            )
+        };
+        hands::refuse_others(&control, options)?;
+    }
     let gripper = Gripper::find(control, &images, &args.fingers, &args.potentiometers)?;
     gripper.keeps_up(period(args.ramp))?;
     let _lock = Lock::take(&args.folder)?;

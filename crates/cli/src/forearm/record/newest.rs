@@ -2,6 +2,7 @@
 
 use super::super::angles::JointAngles;
 use super::super::touch::TactileFinger;
+use crate::client::hands;
 use anyhow::{Context, bail};
 use std::path::Path;
 use std::sync::{Arc, Condvar, Mutex, MutexGuard, PoisonError};
@@ -67,7 +68,7 @@ const INTERVALS: usize = 3;
 impl Newest {
     /// Subscribes to a daemon, and waits for its first frame.
     pub(super) fn start(socket: &Path) -> anyhow::Result<Self> {
-        let mut subscriber = Subscriber::connect(socket)?;
+        let mut subscriber = Subscriber::connect(socket).map_err(|error| hands::told(error.into()))?;
         subscriber.subscribe(&Subscribe {
             image: false,
             raw: true,
