@@ -127,6 +127,8 @@ int main(int argc, char **argv)
     action.sa_handler = on_signal;
     sigaction(SIGINT, &action, NULL);
     sigaction(SIGTERM, &action, NULL);
+    sigaction(SIGHUP, &action, NULL); /* its terminal was closed */
+    sigaction(SIGQUIT, &action, NULL);
     while (!stop) {
         int fd = taxel_connect(argv[1]);
         if (fd < 0) {

@@ -76,7 +76,9 @@ def main() -> int:
     if len(sys.argv) != 2:
         print("usage: display.py SOCKET, such as /run/taxeld/images.sock; taxeld logs where it is", file=sys.stderr)
         return 2
-    signal.signal(signal.SIGTERM, lambda *_: sys.exit(0))
+    # A terminal that is closed sends SIGHUP.
+    for number in (signal.SIGTERM, signal.SIGHUP, signal.SIGQUIT):
+        signal.signal(number, lambda *_: sys.exit(0))
     display = Display()
     try:
         while True:

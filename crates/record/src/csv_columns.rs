@@ -104,6 +104,13 @@ impl LineColumns {
         if !joints.is_empty() && options.joint_columns > 0 {
             return Err("the header names the joints' columns; leave --joint-columns out".into());
         }
+        let numbers: Vec<u32> = joints.keys().copied().collect();
+        if let Some([before, behind]) = numbers.windows(2).find(|pair| pair[1] - pair[0] > 1) {
+            return Err(format!(
+                "joint {} has no column, and {before} and {behind} have one; give it one, of empty cells where it was not read",
+                before + 1
+            ));
+        }
         let mut joints: Vec<usize> = joints.into_values().collect();
         if options.joint_columns > 0 {
             let kept = skin

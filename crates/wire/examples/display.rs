@@ -8,6 +8,7 @@
 //! must not press on what the hand no longer feels. When the daemon goes away the driver lets go at
 //! once and connects again.
 
+use signal_hook::consts::{SIGHUP, SIGINT, SIGQUIT, SIGTERM};
 use std::collections::BTreeMap;
 use std::io::Write;
 use std::process::ExitCode;
@@ -107,7 +108,8 @@ fn main() -> ExitCode {
         return ExitCode::from(2);
     };
     let stop = Arc::new(AtomicBool::new(false));
-    for signal in [signal_hook::consts::SIGINT, signal_hook::consts::SIGTERM] {
+    // A terminal that is closed sends SIGHUP.
+    for signal in [SIGINT, SIGTERM, SIGHUP, SIGQUIT] {
         signal_hook::flag::register(signal, Arc::clone(&stop)).expect("these signals can be caught");
     }
     let mut display = Display::default();

@@ -64,7 +64,7 @@ fn image(seq: u64, levels: &[(u16, u16)]) -> Vec<u8> {
 }
 
 /// Shows, lets go when the stream stops, shows again, lets go when the daemon closes, connects again.
-fn behaves(daemon: &FakeDaemon, mut driver: Driver) {
+fn behaves(daemon: &FakeDaemon, mut driver: Driver, signal: &str) {
     let client = daemon.accept();
     for part in vectors::hello().to_packets(0, 0) {
         client.send(&part);
@@ -97,7 +97,7 @@ fn behaves(daemon: &FakeDaemon, mut driver: Driver) {
     assert_eq!(driver.line(), "no image: clear");
     let pid = driver.child.id();
     let stopped = Command::new("kill")
-        .args(["-TERM", &pid.to_string()])
+        .args([signal, &pid.to_string()])
         .status()
         .unwrap();
     assert!(stopped.success());
@@ -149,7 +149,7 @@ fn the_display_in_c_lets_go_when_images_stop() {
     };
     let daemon = FakeDaemon::new();
     display.arg(daemon.path());
-    behaves(&daemon, Driver::start(display));
+    behaves(&daemon, Driver::start(display), "-HUP");
 }
 
 #[test]
@@ -157,7 +157,7 @@ fn the_display_in_rust_lets_go_when_images_stop() {
     let daemon = FakeDaemon::new();
     let mut display = in_rust();
     display.arg(daemon.path());
-    behaves(&daemon, Driver::start(display));
+    behaves(&daemon, Driver::start(display), "-QUIT");
 }
 
 #[test]
@@ -168,7 +168,7 @@ fn the_display_in_python_lets_go_when_images_stop() {
     };
     let daemon = FakeDaemon::new();
     display.arg(here("../../examples/display.py")).arg(daemon.path());
-    behaves(&daemon, Driver::start(display));
+    behaves(&daemon, Driver::start(display), "-TERM");
 }
 
 #[test]

@@ -67,12 +67,6 @@ pub(super) fn report(
         .transpose()?
         .map(|silhouette| silhouette.standard);
     let classes = known.map(|(names, _)| names).unwrap_or_default();
-    let stands_for = |a: &Agreement| {
-        a.class_of
-            .iter()
-            .map(|class| classes.get(*class).cloned())
-            .collect()
-    };
     Ok(Report {
         touches: map.ncols(),
         features: aligned.features(),
@@ -91,7 +85,7 @@ pub(super) fn report(
             classes: of_classes,
         },
         stability: stability(map, &categories.labels, DRAWS, seed)?,
-        class_of_label: agreement.as_ref().map(stands_for).unwrap_or_default(),
+        class_of_label: (agreement.as_ref()).map_or_else(Vec::new, |a| stands_for(a, &classes)),
         confusion: (agreement.as_ref()).map_or_else(Vec::new, |a| a.confusion.clone()),
         accuracy: agreement.as_ref().map(|a| a.accuracy),
         ari: agreement.as_ref().map(|a| a.ari),
@@ -99,6 +93,17 @@ pub(super) fn report(
         classes,
         map: map.column_iter().map(<[f64]>::to_vec).collect(),
     })
+}
+
+/// The name of the class that each category stands for. One that was matched only since nothing else was left, and has no
+/// touch of its class, stands for none.
+fn stands_for(agreement: &Agreement, classes: &[String]) -> Vec<Option<String>> {
+    let matched = agreement.class_of.iter().zip(&agreement.confusion);
+    let named = matched.map(|(class, touches)| {
+        let has_any = touches.get(*class).is_some_and(|touches| *touches > 0);
+        classes.get(*class).filter(|_| has_any).cloned()
+    });
+    named.collect()
 }
 
 /// The same for people.
@@ -167,4 +172,18 @@ pub(super) fn human(set: &Set, report: &Report) -> String {
         let _ = writeln!(text, "  category {label}{class}: {}", names.join(", "));
     }
     text
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_category_is_not_called_after_a_class_of_which_it_has_no_touch() {
+        let agreement = Agreement::of(&[0, 0, 1, 2, 2], &[0, 0, 0, 1, 2]).unwrap();
+        let names = ["a", "b", "c"].map(str::to_owned);
+        let named = stands_for(&agreement, &names);
+        let wanted = [Some("a"), None, Some("b")].map(|name| name.map(str::to_owned));
+        assert_eq!(named, wanted);
+    }
 }

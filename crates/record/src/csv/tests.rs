@@ -61,6 +61,11 @@ fn the_publications_rows_are_readings_and_joint_angles_named_or_in_its_order() {
     for (text, options, wanted) in [
         ("J0,J0,0B0X\n1,2,3\n", &none, "joint 0 has two columns"),
         ("J0,J1\n1,2\n", &none, "no column of a taxel"),
+        (
+            "0B0X,0B0Y,0B0Z,J0,J1,J3\n1,2,3,4,5,6\n",
+            &none,
+            "joint 2 has no column, and 1 and 3 have one",
+        ),
         ("1,2\n", &order, "2 columns, of which 2 are joint angles"),
         (
             "0B0X,0B0Y,0B0Z,J0,J1\n1,2,3,4,5\n",
