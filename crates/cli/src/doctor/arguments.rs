@@ -1,8 +1,8 @@
 //! The arguments of `taxel doctor`, and the configuration that they name.
 
-use super::daemon::{self, Daemon};
 use super::hand_text::describe_hand;
 use super::scan;
+use super::{asked, daemon};
 use crate::errors::wrong_use;
 use crate::piped_file::{layout_parser, source_parser, text_parser};
 use crate::recordings::input::DEFAULT_LAYOUT;
@@ -21,7 +21,8 @@ const CONFIG: &str = "/etc/taxeld/taxeld.toml";
 /// Look at this machine and this hand, and say what is wrong and how to mend it.
 ///
 /// Without options the configuration of the service is taken (/etc/taxeld/taxeld.toml), else what a
-/// daemon that runs reads, else the default hand on can0 and can1. While a daemon runs, it is asked, and its buses are left alone.
+/// daemon that runs reads, else the default hand on can0 and can1. While a daemon runs, it is asked, and its buses are left alone;
+/// of several (taxeld@left) the one that reads a bus or the servos of the configuration.
 /// Otherwise the boards are asked who they are, started, listened to and stopped again, but only on
 /// buses where nobody else speaks; servos are pinged and read. The hand must not be touched
 /// meanwhile.
@@ -123,7 +124,7 @@ impl Args {
         let mut config = Config::new(layout, sources);
         config.joints = self.joints()?;
         config.socket.control = taxeld::config::running_socket("control.sock");
-        if !named_here && let Daemon::Running(status) = daemon::ask(&config.socket.status_path()) {
+        if !named_here && let Some(status) = asked::only(&config.socket.status_path()) {
             // What it reads, rather than a hand that nobody has named.
             config.sources = daemon::sources(&status);
             let hand = daemon::describe(&status);

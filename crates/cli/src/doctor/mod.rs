@@ -4,6 +4,7 @@ mod access;
 mod allegro;
 mod analogue;
 mod arguments;
+pub(crate) mod asked;
 pub(crate) mod bus_listener;
 pub(crate) mod capacity;
 pub(crate) mod daemon;
@@ -31,7 +32,7 @@ use report::{Report, Style};
 use serde_json::json;
 use std::collections::BTreeSet;
 use std::io;
-use std::path::Path;
+use std::path::{Path, PathBuf};
 use taxel_can::SourceAddress;
 use taxel_joints::{DynamixelConfig, JointSource};
 use taxel_playback::interrupt::Interrupt;
@@ -57,8 +58,8 @@ pub(crate) fn run(args: &Args) -> anyhow::Result<bool> {
         }
         let is_live = |source: &SourceAddress| !matches!(source, SourceAddress::Log { .. });
         if args.start && (args.sources.is_empty() || args.sources.iter().any(is_live)) {
-            let socket = taxeld::config::running_socket("status.sock");
-            if let Daemon::Hung = daemon::ask(&socket) {
+            let hangs = |(_, socket): &(String, PathBuf)| matches!(daemon::ask(socket), Daemon::Hung);
+            if let Some((_, socket)) = asked::services().into_iter().find(hangs) {
                 bail!(
                     "{} is there, and nobody answers: its buses are left alone. Restart the daemon where it hangs, or leave \
                      --start out, and nothing is sent",
@@ -165,9 +166,11 @@ impl Doctor {
     /// has nothing of what was `named` does not.
     fn check_daemon(&mut self, root: &Path, config: &Config, named: bool) -> anyhow::Result<bool> {
         const AREA: &str = "daemon";
-        let socket = &config.socket.status_path();
+        let asked = asked::look(config, named);
+        let socket = &asked.socket;
         let path = socket.display().to_string();
-        match daemon::ask(socket) {
+        self.report(asked.found)?;
+        match asked.daemon {
             Daemon::Running(status) if named && !daemon::has_any(&status, config) => {
                 let runs = format!(
                     "runs with layout {} on other buses, and is not asked",

@@ -9,6 +9,7 @@ mod place;
 mod touch;
 
 use crate::doctor;
+use crate::doctor::asked;
 use crate::doctor::daemon::{self, Daemon};
 use crate::doctor::finding::{Check, State};
 use crate::doctor::link::{self, LinkFacts};
@@ -203,9 +204,21 @@ fn can(interface: &str) -> Result<SourceAddress, AddressError> {
 /// Refuses the boards of a running daemon, which two must not start and stop, unless told to go on. Who only listens
 /// is told of it.
 fn refuse_shared(sources: &[SourceAddress], args: &Args, answers: &Answers) -> anyhow::Result<()> {
-    let socket = taxeld::config::running_socket("status.sock");
-    let stop = "`sudo systemctl stop taxeld`, or Ctrl-C where you have started it";
-    let (who, question) = match daemon::ask(&socket) {
+    for service in asked::services() {
+        refuse_shared_with(&service, sources, args, answers)?;
+    }
+    Ok(())
+}
+
+/// The same of the daemon of this service, at this status socket.
+fn refuse_shared_with(
+    (service, socket): &(String, PathBuf),
+    sources: &[SourceAddress],
+    args: &Args,
+    answers: &Answers,
+) -> anyhow::Result<()> {
+    let stop = format!("`sudo systemctl stop {service}`, or Ctrl-C where you have started it");
+    let (who, question) = match daemon::ask(socket) {
         Daemon::Running(status) => {
             let shared = daemon::shared(&status, sources);
             if shared.is_empty() {

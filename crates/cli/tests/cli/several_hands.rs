@@ -1,10 +1,12 @@
 //! Where no socket is named and only daemons of several hands run, as `taxeld@left` and `taxeld@right`.
 
-use crate::texts;
+use crate::{config, texts};
 use std::fs;
+use std::net::UdpSocket;
 use std::os::unix::net::UnixListener;
 use std::path::{Path, PathBuf};
 use std::process::{Command, Output};
+use taxeld::Daemon;
 use tempfile::TempDir;
 
 const SOCKETS: [&str; 3] = ["status.sock", "control.sock", "images.sock"];
@@ -112,4 +114,26 @@ fn who_named_a_socket_or_is_one_of_the_hands_is_told_of_no_other() {
         assert!(said.contains("no taxeld runs there"), "{args:?}: {said}");
         assert!(!said.contains("right"), "{args:?}: {said}");
     }
+}
+
+#[test]
+fn a_bus_that_the_daemon_of_one_of_several_hands_reads_is_not_set_up_beside_it() {
+    let dir = TempDir::new().unwrap();
+    let default = ended(&dir, "taxeld");
+    let port = || UdpSocket::bind("0.0.0.0:0").unwrap().local_addr().unwrap().port();
+    let [first, second] = [port(), port()].map(|port| format!("udp:239.74.163.2:{port}?hops=0"));
+    let folder = dir.path().join("taxeld-left");
+    fs::create_dir(&folder).unwrap();
+    let sources = [&first, &second].map(|source| source.parse().unwrap());
+    let _left = Daemon::start(config(&folder, sources)).unwrap();
+    let said = said(
+        &default,
+        &["setup", "--yes", "--dry-run", "--seconds", "0.1", &second],
+    );
+    // Lines are wrapped.
+    let said = said.split_whitespace().collect::<Vec<_>>().join(" ");
+    for wanted in ["A daemon reads udp:", "systemctl stop taxeld@left", "beside it"] {
+        assert!(said.contains(wanted), "{wanted}: {said}");
+    }
+    assert!(!said.contains("Ask for boards"), "{said}");
 }

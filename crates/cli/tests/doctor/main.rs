@@ -3,6 +3,7 @@
 
 mod recordings;
 mod scan;
+mod several_hands;
 
 use serde_json::Value;
 use std::net::UdpSocket;
