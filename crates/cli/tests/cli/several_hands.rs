@@ -101,14 +101,14 @@ fn who_named_a_socket_or_is_one_of_the_hands_is_told_of_no_other() {
     let dir = TempDir::new().unwrap();
     let default = ended(&dir, "taxeld");
     let left = ended(&dir, "taxeld-left");
-    let elsewhere = ended(&dir, "own");
     let (_, _right) = running(&dir, "taxeld-right");
-    let named = elsewhere.join("status.sock");
+    let elsewhere = TempDir::new().unwrap();
+    let named = ended(&elsewhere, "taxeld").join("status.sock");
+    let (_, _another) = running(&elsewhere, "taxeld-right");
     for (default, args) in [
         (&default, &["status", "--socket", named.to_str().unwrap()][..]),
         // As `taxel-metrics@left` is.
         (&left, &["status"]),
-        (&elsewhere, &["status"]),
     ] {
         let said = said(default, args);
         assert!(said.contains("no taxeld runs there"), "{args:?}: {said}");
