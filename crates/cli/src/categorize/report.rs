@@ -180,7 +180,7 @@ mod tests {
 
     #[test]
     fn a_category_is_not_called_after_a_class_of_which_it_has_no_touch() {
-        let agreement = Agreement::of(&[0, 0, 1, 2, 2], &[0, 0, 0, 1, 2]).unwrap();
+        let agreement = Agreement::of(&[0, 0, 1, 2, 2, 2], &[0, 0, 0, 1, 1, 2]).unwrap();
         let names = ["a", "b", "c"].map(str::to_owned);
         let named = stands_for(&agreement, &names);
         let wanted = [Some("a"), None, Some("b")].map(|name| name.map(str::to_owned));
