@@ -21,6 +21,15 @@ pub struct Cut {
     pub frames: Range<usize>,
 }
 
+/// What contact cuts out of a stream.
+#[derive(Debug, Clone, Default, PartialEq, Eq)]
+pub struct ContactCuts {
+    /// Touches, in their order. The first may have begun before the stream, and the last may go on behind it.
+    pub touches: Vec<Cut>,
+    /// How many contacts were too short for a touch.
+    pub short: usize,
+}
+
 /// The frames from each mark to the next one or to the end of the stream, but for those from a mark whose text is
 /// `until` (a withdrawal, a way to the next place): each of the others begins a touch.
 ///
@@ -62,17 +71,9 @@ pub fn cut_by_marks(times_ns: &[u64], marks: &[Mark], until: &str) -> Result<Vec
 /// The frames during which the greatest magnitude of a taxel is above `threshold`, where that lasts for `least` frames
 /// or more; it may fall below for fewer frames than that. For motions that begin and end with contact.
 ///
-/// # Errors
-/// No touch.
-///
 /// # Panics
 /// If there are no taxels.
-pub fn cut_by_contact(
-    values: &[f64],
-    taxels: usize,
-    threshold: f64,
-    least: usize,
-) -> Result<Vec<Cut>, SequenceError> {
+pub fn cut_by_contact(values: &[f64], taxels: usize, threshold: f64, least: usize) -> ContactCuts {
     let touched = |frame: &[f64]| frame.iter().any(|x| x.abs() > threshold);
     let mut cuts: Vec<Range<usize>> = Vec::new();
     let frames = values.chunks_exact(taxels).enumerate();
@@ -82,18 +83,17 @@ pub fn cut_by_contact(
             _ => cuts.push(n..n + 1),
         }
     }
+    let all = cuts.len();
     cuts.retain(|cut| cut.len() >= least);
-    let cuts: Vec<Cut> = cuts
-        .into_iter()
-        .map(|frames| Cut {
-            mark: String::new(),
-            frames,
-        })
-        .collect();
-    if cuts.is_empty() {
-        Err(SequenceError::NoTouch)
-    } else {
-        Ok(cuts)
+    ContactCuts {
+        short: all - cuts.len(),
+        touches: cuts
+            .into_iter()
+            .map(|frames| Cut {
+                mark: String::new(),
+                frames,
+            })
+            .collect(),
     }
 }
 
@@ -171,9 +171,9 @@ mod tests {
         let values = [
             0.0, -9.0, 9.0, 0.0, 9.0, 9.0, 0.0, 0.0, 0.0, 9.0, 0.0, 0.0, 9.0, 9.0, 9.0,
         ];
-        let cuts = cut_by_contact(&values, 1, 5.0, 2).unwrap();
-        let frames: Vec<_> = cuts.into_iter().map(|cut| cut.frames).collect();
-        assert_eq!(frames, [1..6, 12..15]);
-        assert_eq!(cut_by_contact(&values, 1, 10.0, 2), Err(SequenceError::NoTouch));
+        let cuts = cut_by_contact(&values, 1, 5.0, 2);
+        let frames: Vec<_> = cuts.touches.into_iter().map(|cut| cut.frames).collect();
+        assert_eq!((frames.as_slice(), cuts.short), (&[1..6, 12..15][..], 1));
+        assert_eq!(cut_by_contact(&values, 1, 10.0, 2), ContactCuts::default());
     }
 }

@@ -26,7 +26,7 @@ mod cut;
 mod motion;
 
 pub use align::{Aligned, Alignment, Touch, align, sure_step};
-pub use cut::{Cut, Mark, cut_by_contact, cut_by_marks};
+pub use cut::{ContactCuts, Cut, Mark, cut_by_contact, cut_by_marks};
 pub use motion::Motion;
 
 /// Why a stream has no touches, or touches cannot be put side by side.

@@ -1,5 +1,6 @@
 //! `taxel categorize`: categories of touches.
 
+mod contact;
 mod figures;
 mod live;
 mod manifest;

@@ -1,5 +1,6 @@
 //! Touches of one motion: from a recording cut by marks or contact, or from a scene.
 
+use super::contact;
 use crate::recordings::assumed;
 use crate::recordings::implausible_times;
 use crate::recordings::marks_file;
@@ -175,7 +176,11 @@ pub(crate) fn of_recording(
         }
         (None, Some(threshold)) => {
             let above = above_baseline(&values, taxels, recording.has_counts(), 0);
-            cut_by_contact(&above, taxels, threshold, cutting.least)
+            let cuts = cut_by_contact(&above, taxels, threshold, cutting.least);
+            match contact::whole(cuts, &recording, motion, cutting.least) {
+                none if none.is_empty() => Err(SequenceError::NoTouch),
+                cuts => Ok(cuts),
+            }
         }
         (None, None) if !marks.is_empty() => cut_by_marks(&times, &marks, &cutting.until),
         (None, None) => bail!(

@@ -11,8 +11,8 @@ use tempfile::TempDir;
 /// Frames a second of a recording without times.
 const RATE: f64 = 30.0;
 
-/// A recording of six touches of 13 steps each on two taxels, five still frames before each, and the manifest and marks
-/// of it: two classes, the second pressing twice as hard.
+/// A recording of six touches of 13 steps each on two taxels, five still frames before each and behind the last, and the
+/// manifest and marks of it: two classes, the second pressing twice as hard.
 pub(crate) fn recorded() -> TempDir {
     let dir = tempfile::tempdir().unwrap();
     let (mut frames, mut manifest, mut marks) = (String::new(), String::new(), String::new());
@@ -33,6 +33,7 @@ pub(crate) fn recorded() -> TempDir {
         }
         let _ = writeln!(marks, "{},away", f64::from(count) / RATE);
     }
+    frames += &"0,0\n".repeat(5);
     let manifest = format!("# six touches\nphantom,motion,depth,radius,area,label,file,time\n{manifest}");
     for (name, text) in [
         ("frames.csv", frames),

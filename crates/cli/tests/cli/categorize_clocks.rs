@@ -75,11 +75,11 @@ fn a_touch_before_the_first_frame_is_none_and_it_is_said_when_the_recording_begi
     for (input, words) in [
         (
             &["counted-manifest.csv"][..],
-            "s: frames.csv goes from 20 s to 23.5667 s",
+            "s: frames.csv goes from 20 s to 23.7333 s",
         ),
         (
             &["frames.csv", "--marks", "mixed.csv"],
-            "the mark \"touch 0 soft\" at 1 s and the next; the frames are from 20 s to 23.5667 s",
+            "the mark \"touch 0 soft\" at 1 s and the next; the frames are from 20 s to 23.7333 s",
         ),
     ] {
         let err = fails(&dir, &[&begin, input].concat(), 1);

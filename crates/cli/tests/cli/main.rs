@@ -7,6 +7,7 @@ mod begun_in_a_touch;
 mod categorize;
 mod categorize_clocks;
 mod categorize_sweep;
+mod categorize_told;
 mod codebook;
 mod compress;
 mod config;
