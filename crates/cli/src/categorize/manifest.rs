@@ -1,10 +1,11 @@
 //! Touches that a manifest names.
 
+use super::labels;
 use super::touches::{Set, above_baseline, of_scene, open, places, taken_for, values};
 use crate::recordings::own_clock::{CLOCK_S, LATE_NS, instant_ns};
 use anyhow::{Context, anyhow, bail, ensure};
 use csv::StringRecord;
-use std::collections::HashMap;
+use std::collections::{HashMap, HashSet};
 use std::fs::File;
 use std::io::Read;
 use std::path::{Path, PathBuf};
@@ -229,7 +230,73 @@ pub(crate) fn read_manifest(path: &Path, options: &ReadOptions) -> anyhow::Resul
     }
     ensure!(!jobs.is_empty(), "{}: no touch in it", path.display());
     find_longest(&mut jobs);
+    let labels = jobs.iter().flat_map(|job| &job.rows).map(|(_, row)| &row.label);
+    for told in labels::alike(labels).into_iter().chain(same_frames(&jobs)) {
+        remark!("taxel: {}: {told}", path.display());
+    }
     Ok(jobs)
+}
+
+/// That touches of one phantom and motion are the same frames, where any are: the first two of them, and how many more.
+fn same_frames(jobs: &[Job]) -> Option<String> {
+    let mut pairs = Vec::new();
+    for job in jobs {
+        let mut seen: HashMap<(&str, u64), usize> = HashMap::new();
+        for (touch, (_, row)) in job.rows.iter().enumerate() {
+            let frames = (row.file.as_str(), instant_ns(row.time.unwrap_or(0.0)));
+            let first = *seen.entry(frames).or_insert(touch);
+            if first != touch {
+                pairs.push((job, first, touch));
+            }
+        }
+    }
+    let (job, first, second) = *pairs.first()?;
+    let file = &job.rows[first].1.file;
+    let more = match pairs.len() - 1 {
+        0 => String::new(),
+        more => format!(", and so are {}", plural(more, "more pair")),
+    };
+    Some(format!(
+        "touches {first} and {second} (from 0) are the same frames of {file}{more}; where touches are in one file, the column \
+         time says where each begins"
+    ))
+}
+
+/// How the touches of one of several jobs are chosen.
+pub(crate) fn what_chooses(jobs: &[Job]) -> String {
+    let phantoms: HashSet<&str> = jobs.iter().map(Job::phantom).collect();
+    let mut motions: Vec<Motion> = Vec::new();
+    for motion in jobs.iter().filter_map(|job| job.motion) {
+        if !motions.contains(&motion) {
+            motions.push(motion);
+        }
+    }
+    let has_all_depths = jobs.iter().all(|job| job.motion.is_some());
+    let mut kinds = Vec::new();
+    let mut ways = Vec::new();
+    if phantoms.len() > 1 {
+        kinds.push(plural(phantoms.len(), "phantom"));
+        ways.push("keep the lines of one phantom in a manifest of its own");
+    }
+    if motions.len() > 1 {
+        kinds.push(plural(motions.len(), "motion"));
+        ways.push("--depth and --radius choose a motion");
+    }
+    if !has_all_depths && !motions.is_empty() {
+        kinds.push("lines without a depth".to_owned());
+        ways.push("keep those without a depth in a manifest of their own");
+    }
+    if has_all_depths && !ways.is_empty() {
+        ways.push("--sweep judges all");
+    }
+    if ways.is_empty() {
+        // Scenes, each of which is all touches of a phantom.
+        return format!(
+            "touches of {}; keep each scene in a manifest of its own, apart from recordings",
+            plural(jobs.len(), "source")
+        );
+    }
+    format!("touches of {}; {}", kinds.join(" and "), ways.join(", "))
 }
 
 /// A row whose numbers have decimal points: where no comma separates cells, they may have commas.
@@ -262,6 +329,15 @@ impl Job {
     /// How the touches were made, where it is known.
     pub(crate) fn motion(&self) -> Option<Motion> {
         self.motion
+    }
+
+    /// What was touched; of a scene that does not say, its name.
+    fn phantom(&self) -> &str {
+        let (_, first) = &self.rows[0];
+        match first.file.strip_prefix("sim:") {
+            Some(scene) if first.phantom.is_empty() => scene,
+            _ => &first.phantom,
+        }
     }
 
     /// Reads or simulates the touches.

@@ -2,6 +2,7 @@
 
 mod contact;
 mod figures;
+mod labels;
 mod live;
 mod manifest;
 mod map_file;
@@ -259,16 +260,19 @@ fn read(args: &Args) -> anyhow::Result<Set> {
         refuse(&of_cuts)?;
         refuse(&[array])?;
         let mut jobs = manifest::read_manifest(path, &args.of_recordings())?;
+        let has_depths = jobs.iter().any(|job| job.motion().is_some());
+        let not_one = if has_depths {
+            ""
+        } else {
+            ": none has a depth; leave --depth out"
+        };
         if motion.is_some() {
             jobs.retain(|job| job.motion() == motion);
         }
         return match jobs.as_slice() {
             [job] => job.read(),
-            [] => bail!("{input}: no touch of the motion that --depth and --radius name"),
-            jobs => bail!(
-                "{input}: touches of {} phantoms and motions; --depth and --radius choose one, --sweep judges all",
-                jobs.len()
-            ),
+            [] => bail!("{input}: no touch of the motion that --depth and --radius name{not_one}"),
+            jobs => bail!("{input}: {}", manifest::what_chooses(jobs)),
         };
     }
     let options = ReadOptions {

@@ -1,6 +1,7 @@
 //! Touches of one motion: from a recording cut by marks or contact, or from a scene.
 
 use super::contact;
+use super::labels;
 use crate::recordings::assumed;
 use crate::recordings::implausible_times;
 use crate::recordings::marks_file;
@@ -207,12 +208,16 @@ pub(crate) fn of_recording(
         })
     };
     let touches = cuts.iter().enumerate().map(of_cut).collect::<anyhow::Result<_>>();
+    let labels: Vec<String> = cuts.iter().map(|cut| label_of(&cut.mark).to_owned()).collect();
+    if let Some(told) = labels::alike(&labels) {
+        remark!("taxel: {}: {told}", recording.name());
+    }
     Ok(Set {
         name: stand_in::as_named(recording.name().to_owned()),
         phantom: String::new(),
         motion,
         touches: touches.with_context(|| path.display().to_string())?,
-        labels: cuts.iter().map(|cut| label_of(&cut.mark).to_owned()).collect(),
+        labels,
         period_s: recording.period_ns() as f64 / 1e9,
         rest_ms: None,
         beyond: 0,

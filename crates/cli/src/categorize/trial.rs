@@ -94,7 +94,8 @@ pub(super) const READINGS: [Reading; 5] = [
 pub(super) fn judge(set: Set, seed: u64) -> anyhow::Result<Trial> {
     let Some(motion) = set.motion else {
         anyhow::bail!(
-            "{}: a sweep is over motions; give each touch a depth and a radius",
+            "{}: a sweep is over motions; give each touch a depth and a radius. Touches without a depth are aligned by time and \
+             judged without --sweep, those of one phantom at once: keep the lines of one phantom in a manifest of its own",
             set.name
         );
     };

@@ -48,3 +48,98 @@ fn contact_leaves_out_touches_that_the_recording_begins_or_ends_in() {
         "{err}"
     );
 }
+
+#[test]
+fn labels_that_are_spelt_in_two_ways_are_said() {
+    let dir = recorded();
+    for (file, input) in [
+        ("manifest.csv", &["own.csv"][..]),
+        ("marks.csv", &["frames.csv", "--marks", "own.csv"]),
+    ] {
+        let text = std::fs::read_to_string(dir.path().join(file)).unwrap();
+        let args = [&["categorize", "--classes", "2"], input].concat();
+        for (text, is_said) in [(text.replacen("soft", "Soft", 1), true), (text, false)] {
+            std::fs::write(dir.path().join("own.csv"), text).unwrap();
+            let (_, err) = succeeds(&dir, &args);
+            let said = r#"the labels "Soft" and "soft" differ in case or blanks alone"#;
+            assert_eq!(
+                err.matches(said).count(),
+                usize::from(is_said),
+                "{input:?}: {err}"
+            );
+        }
+    }
+}
+
+#[test]
+fn touches_that_are_the_same_frames_are_said() {
+    let dir = recorded();
+    let said = "touches 0 and 2 (from 0) are the same frames of frames.csv";
+    for (rows, told) in [
+        ("frames.csv,a,\nframes.csv,b,1\nframes.csv,b,\n", Some(said)),
+        ("frames.csv,a,1\nframes.csv,b,2\nframes.csv,b,1\n", Some(said)),
+        ("frames.csv,a,\nframes.csv,b,1\nframes.csv,b,2\n", None),
+    ] {
+        std::fs::write(dir.path().join("own.csv"), format!("file,label,time\n{rows}")).unwrap();
+        let (_, err) = succeeds(&dir, &["categorize", "own.csv", "--classes", "2"]);
+        assert_eq!(err.contains("the same frames"), told.is_some(), "{rows}: {err}");
+        assert!(told.is_none_or(|told| err.contains(told)), "{rows}: {err}");
+    }
+}
+
+#[test]
+fn a_manifest_of_several_phantoms_is_told_what_chooses_one() {
+    let dir = recorded();
+    let by_hand = "keep the lines of one phantom in a manifest of its own";
+    let by_depth = "--depth and --radius choose a motion";
+    for (rows, given, words) in [
+        (
+            "A,,0\nB,,1\n",
+            &["--classes", "2"][..],
+            &["touches of 2 phantoms; ", by_hand][..],
+        ),
+        (
+            "A,,0\nB,,1\n",
+            &["--classes", "2", "--depth", "5"],
+            &["none has a depth; leave --depth out"],
+        ),
+        ("A,,0\nB,,1\n", &["--sweep"], &["judged without --sweep", by_hand]),
+        (
+            "A,6.5,0\nB,6.5,1\n",
+            &["--classes", "2", "--depth", "6.5"],
+            &["touches of 2 phantoms; ", by_hand, "--sweep judges all"],
+        ),
+        (
+            "A,6.5,0\nB,5,1\n",
+            &["--classes", "2"],
+            &[
+                "touches of 2 phantoms and 2 motions; ",
+                by_hand,
+                by_depth,
+                "--sweep judges all",
+            ],
+        ),
+        (
+            "A,6.5,0\nA,5,1\n",
+            &["--classes", "2"],
+            &["touches of 2 motions; ", by_depth],
+        ),
+        (
+            "A,6.5,0\nA,,1\n",
+            &["--classes", "2"],
+            &["touches of lines without a depth; keep those without a depth in a manifest of their own"],
+        ),
+    ] {
+        let row = |row: &str| format!("frames.csv,x,{row}\n");
+        let text: String = rows.lines().map(row).collect();
+        std::fs::write(
+            dir.path().join("own.csv"),
+            format!("file,label,phantom,depth,time\n{text}"),
+        )
+        .unwrap();
+        let err = fails(&dir, &[&["categorize"], given, &["own.csv"]].concat(), 1);
+        for words in words {
+            assert!(err.contains(words), "{rows} {given:?}: {err}");
+        }
+    }
+}
