@@ -9,6 +9,7 @@
 mod disturbance;
 mod error;
 mod estimate;
+mod folder;
 mod fusion;
 mod kinesthetic;
 mod least_squares;

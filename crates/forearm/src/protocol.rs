@@ -243,6 +243,7 @@ mod tests {
         Session {
             name: "test".into(),
             simulated: false,
+            passed_over: Vec::new(),
             trials: (0..130).map(trial).collect(),
         }
     }

@@ -1,6 +1,7 @@
 //! Squeezes with the places they were made at, in and out of files.
 
 use crate::error::ForearmError;
+use crate::folder::{Folder, SqueezeFile, numbers};
 use crate::mat::{Matrix, read_mat, write_mat};
 use crate::squeeze::{COLUMNS, Squeeze, TACTELS, TACTILE_COLUMNS, TACTILE_ROWS};
 use serde::Deserialize;
@@ -16,10 +17,6 @@ const VARIABLE: &str = "datos";
 const SIMULATED: &str = "simulated";
 /// What `taxel forearm record` keeps beside the folders of a session.
 const SETTINGS: &str = "session.json";
-/// Squeezes at a place, at most: what is numbered beyond is no squeeze of a session, as a copy with a date for its number.
-const MOST: usize = 1000;
-/// Folders of folders that are looked through.
-const DEPTH: usize = 2;
 
 /// Where the publication's place `index` is, from 0 (wrist) to 100 (elbow).
 pub fn location_percent(index: usize) -> f64 {
@@ -67,6 +64,8 @@ pub struct Session {
     pub simulated: bool,
     /// In the order of places and repetitions.
     pub trials: Vec<Trial>,
+    /// The `.mat` files in its folder that are no squeezes of it, by their places or their names: they were not read.
+    pub passed_over: Vec<PathBuf>,
 }
 
 impl Squeeze {
@@ -154,14 +153,23 @@ impl Session {
     /// `tactilePLACE_REPETITION.npy`. What is simulated says so: `simulated` is 1 in an `.npz`, true in a folder's
     /// `session.json`.
     ///
+    /// Such files right in the folder are taken too. A folder that has none may hold one session in a folder of its own;
+    /// what lies in further folders is no part of it.
+    ///
     /// # Errors
-    /// What cannot be read, with its file; a folder without any such file.
+    /// What cannot be read, with its file; a folder without any such file, or with the sessions of several folders; a squeeze
+    /// that is there twice, or lies in the folder of another place.
     pub fn open(path: &Path) -> Result<Self, ForearmError> {
         let is_mat = path
             .extension()
             .is_some_and(|ending| ending.eq_ignore_ascii_case("mat"));
+        let mut passed_over = Vec::new();
         let (trials, simulated) = if path.is_dir() {
-            (read_folders(path)?, is_simulated_folder(path)?)
+            let folder = Folder::look(path)?;
+            let simulated = is_simulated_folder(path)? || is_simulated_folder(&folder.path)?;
+            let trials = read_folder(&folder)?;
+            passed_over = folder.passed_over;
+            (trials, simulated)
         } else if is_mat && path.exists() {
             return Err(ForearmError::Unfit {
                 path: path.into(),
@@ -176,6 +184,7 @@ impl Session {
             name: path.display().to_string(),
             simulated,
             trials,
+            passed_over,
         })
     }
 
@@ -252,7 +261,7 @@ fn is_count(number: &f64) -> bool {
     (0.0..=f64::from(u16::MAX)).contains(number) && number.fract() == 0.0
 }
 
-fn io(path: &Path) -> impl Fn(std::io::Error) -> ForearmError + use<'_> {
+pub(crate) fn io(path: &Path) -> impl Fn(std::io::Error) -> ForearmError + use<'_> {
     move |source| ForearmError::Io {
         path: path.into(),
         source,
@@ -267,55 +276,15 @@ fn within(at: impl std::fmt::Display) -> impl Fn(ForearmError) -> ForearmError {
     }
 }
 
-fn read_folders(path: &Path) -> Result<Vec<Trial>, ForearmError> {
-    let mut files = Vec::new();
-    list(path, DEPTH, &mut files)?;
-    if files.is_empty() {
-        let what =
-            "no file such as 0/distance0_1.mat in it or its folders; name the folder of the places 0 to 12";
-        return Err(ForearmError::Unfit {
-            path: path.into(),
-            what: what.into(),
-        });
-    }
-    files.sort();
-    let trial = |(place, repetition, file): &(usize, usize, PathBuf)| {
+fn read_folder(folder: &Folder) -> Result<Vec<Trial>, ForearmError> {
+    let trial = |file: &SqueezeFile| {
         Ok(Trial {
-            location_percent: location_percent(*place),
-            repetition: repetition - 1,
-            squeeze: Squeeze::open(file)?,
+            location_percent: location_percent(file.place),
+            repetition: file.repetition - 1,
+            squeeze: Squeeze::open(&file.path)?,
         })
     };
-    files.iter().map(trial).collect()
-}
-
-/// Files of squeezes in a folder, with place and repetition from their names.
-fn list(folder: &Path, depth: usize, files: &mut Vec<(usize, usize, PathBuf)>) -> Result<(), ForearmError> {
-    for entry in fs::read_dir(folder).map_err(io(folder))? {
-        let path = entry.map_err(io(folder))?.path();
-        if path.is_dir() && depth > 0 {
-            list(&path, depth - 1, files)?;
-        } else if let Some((place, repetition)) = numbers(&path) {
-            if place >= PLACES || !(1..=MOST).contains(&repetition) {
-                let what = format!(
-                    "places are 0 to 12 and repetitions 1 to {MOST}; rename the file or take it away"
-                );
-                return Err(ForearmError::Unfit { path, what });
-            }
-            files.push((place, repetition, path));
-        }
-    }
-    Ok(())
-}
-
-/// Place and repetition of `distancePLACE_REPETITION.mat`.
-fn numbers(path: &Path) -> Option<(usize, usize)> {
-    let name = path.file_name()?.to_str()?;
-    let (place, repetition) = name
-        .strip_prefix("distance")?
-        .strip_suffix(".mat")?
-        .split_once('_')?;
-    Some((place.parse().ok()?, repetition.parse().ok()?))
+    folder.squeezes.iter().map(trial).collect()
 }
 
 fn is_simulated_npz(path: &Path) -> Result<bool, ForearmError> {

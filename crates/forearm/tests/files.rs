@@ -56,6 +56,7 @@ fn an_npz_holds_squeezes_of_unequal_length_and_leaves_out_those_that_were_not_ma
     let mut session = Session {
         name: path.display().to_string(),
         simulated: false,
+        passed_over: Vec::new(),
         trials: vec![trial(0, 0, 5), trial(0, 1, 7), trial(12, 1, 3)],
     };
     session.write_npz(&path).unwrap();
@@ -77,6 +78,7 @@ fn what_is_simulated_says_so_in_every_kind_of_file() {
         let session = Session {
             name: path.display().to_string(),
             simulated,
+            passed_over: Vec::new(),
             trials: vec![trial(0, 0, 5), trial(12, 0, 5)],
         };
         session.write_npz(&path).unwrap();
@@ -102,6 +104,7 @@ fn a_squeeze_of_an_npz_is_cut_off_where_no_row_follows_and_nowhere_else() {
     let mut session = Session {
         name: path.display().to_string(),
         simulated: false,
+        passed_over: Vec::new(),
         trials: vec![trial(0, 0, 9), trial(12, 0, 9)],
     };
     session.trials[1].squeeze.time_ms[4] = f64::NAN;
@@ -165,6 +168,7 @@ fn what_cannot_be_read_is_named() {
     let shares = Session {
         name: "shares".into(),
         simulated: false,
+        passed_over: Vec::new(),
         trials: trials.into(),
     };
     shares.write_npz(&path).unwrap();
@@ -192,6 +196,7 @@ fn one_squeeze_without_touch_costs_no_others_theirs() {
     let mut session = Session {
         name: "touched".into(),
         simulated: false,
+        passed_over: Vec::new(),
         trials: vec![trial(0, 0, 5), trial(1, 0, 5), trial(1, 1, 5)],
     };
     for n in [0, 1] {
@@ -241,6 +246,7 @@ fn times_in_seconds_are_refused_wherever_they_come_from() {
         let session = Session {
             name: "in seconds".into(),
             simulated: false,
+            passed_over: Vec::new(),
             trials: vec![trial],
         };
         let path = folder.path().join("session.npz");

@@ -1,8 +1,9 @@
 //! `taxel forearm fingers`: the angle of a finger that no sensor reads, and how it follows from those that are read.
 
+use super::sessions;
 use std::fmt::Write as _;
 use std::path::PathBuf;
-use taxel_forearm::{FINGERS, Session};
+use taxel_forearm::FINGERS;
 use taxel_gripper::FiveBar;
 
 /// Print what the angles of squeezes say of the fingers' phalanges, as CSV.
@@ -21,7 +22,7 @@ pub(super) fn run(args: &Args) -> anyhow::Result<String> {
     let mut text =
         "location_percent,repetition,time_ms,finger,theta_a_deg,theta_p_deg,theta_u_deg,du_da,du_dp\n"
             .to_owned();
-    for trial in &Session::open(&args.data)?.trials {
+    for trial in &sessions::open(&args.data)?.trials {
         for row in 0..trial.squeeze.len() {
             let sample = trial.squeeze.sample(row);
             for finger in 0..FINGERS {

@@ -15,6 +15,7 @@ mod networks;
 pub(crate) mod play;
 mod record;
 mod report;
+mod sessions;
 pub(crate) mod simulate;
 mod touch;
 mod with_touch;
@@ -150,7 +151,7 @@ pub(crate) fn run(args: &Args) -> anyhow::Result<()> {
 
 fn train(args: &TrainArgs) -> anyhow::Result<String> {
     refuse_overlap(&[&args.out], &[&args.data])?;
-    let session = Session::open(&args.data)?;
+    let session = sessions::open(&args.data)?;
     let model = Model::train(&session).with_context(|| session.name.clone())?;
     OutputFile::write(&args.out, model.to_bytes())?;
     let chosen = model.kinesthetic.chosen();
@@ -267,7 +268,7 @@ fn estimate_file(
         let estimate = told(model, &squeeze).with_context(|| file.clone())?;
         return line(text, &file, None, estimate, json);
     }
-    let session = Session::open(path)?;
+    let session = sessions::open(path)?;
     if session.simulated && !model.trained_on.simulated {
         remark!(
             "taxel: {file}: its squeezes are of a simulated forearm, and those that the model was trained on are not said to be: \
@@ -359,7 +360,7 @@ fn line(
 
 /// A session, where every place has squeezes enough for the publication's protocol.
 fn session(path: &Path) -> anyhow::Result<Session> {
-    let session = Session::open(path)?;
+    let session = sessions::open(path)?;
     let places = session.locations().len();
     anyhow::ensure!(
         places >= 6,

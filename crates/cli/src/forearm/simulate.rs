@@ -78,6 +78,7 @@ pub(crate) fn session(
     Ok(Session {
         name: "a simulated forearm".into(),
         simulated: true,
+        passed_over: Vec::new(),
         trials,
     })
 }

@@ -22,6 +22,7 @@ mod files;
 mod forearm;
 mod forearm_eval;
 mod forearm_scene;
+mod forearm_sessions;
 mod foxglove;
 mod interfaces;
 mod journal;

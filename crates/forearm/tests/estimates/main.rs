@@ -40,6 +40,7 @@ fn session() -> Session {
     Session {
         name: "test".into(),
         simulated: false,
+        passed_over: Vec::new(),
         trials: (0..6 * PLACES).map(trial).collect(),
     }
 }

@@ -6,6 +6,7 @@ mod lock;
 mod newest;
 mod plan;
 
+use super::sessions;
 use crate::client::control::Held;
 use crate::client::hands;
 use crate::errors::wrong_use;
@@ -18,7 +19,7 @@ use std::io::BufRead;
 use std::path::{Path, PathBuf};
 use std::sync::mpsc::{Receiver, RecvTimeoutError, channel};
 use std::time::{Duration, Instant};
-use taxel_forearm::{FULL_PWM, PLACES, Ramp, Session, Squeeze, location_percent};
+use taxel_forearm::{FULL_PWM, PLACES, Ramp, Squeeze, location_percent};
 use taxel_hand::shell_word;
 use taxel_playback::interrupt::Interrupt;
 use taxel_playback::output_file::OutputFile;
@@ -173,7 +174,7 @@ fn keep_npz(args: &Args, plan: &Plan) -> anyhow::Result<()> {
         return Ok(());
     };
     let mut file = OutputFile::begin(npz)?;
-    Session::open(&args.folder)?.write_npz(file.path())?;
+    sessions::open(&args.folder)?.write_npz(file.path())?;
     file.finish()?;
     say!(
         "taxel: all squeezes of {} are in {}",
