@@ -49,6 +49,8 @@ const UINT32: u32 = 6;
 const DOUBLE: u32 = 9;
 const MATRIX: u32 = 14;
 const COMPRESSED: u32 = 15;
+/// How files begin that Octave saves where nothing is said of their format, as text and as numbers.
+const OCTAVES_OWN: [&[u8]; 2] = [b"# Created by Octave", b"Octave-1-"];
 /// The class of a matrix of doubles.
 const DOUBLE_CLASS: u32 = 6;
 /// Classes of matrices of numbers: double to uint64.
@@ -202,6 +204,12 @@ fn torn<T>(offset: usize, reason: impl Into<String>) -> Result<T, TornMat> {
 impl<'a> Bytes<'a> {
     /// The bytes of a file, whose header says their order.
     fn open(bytes: &'a [u8]) -> Result<Self, TornMat> {
+        if OCTAVES_OWN.iter().any(|begin| bytes.starts_with(begin)) {
+            return torn(
+                0,
+                "a file of Octave's own format; save it with `save -v7 FILE.mat datos`",
+            );
+        }
         let Some(order) = bytes.get(HEADER - 2..HEADER) else {
             return torn(
                 bytes.len(),
@@ -211,10 +219,18 @@ impl<'a> Bytes<'a> {
         let big_endian = match order {
             b"IM" => false,
             b"MI" => true,
+            // Level 4 has no header: its first number is the kind of the first matrix, 0 to 4052.
+            _ if bytes[..4].contains(&0) => {
+                return torn(
+                    0,
+                    "no level 5 MAT-file, and maybe one of level 4; save it in MATLAB or Octave with -v7, in scipy without \
+                     format=\"4\"",
+                );
+            }
             _ => {
                 return torn(
                     HEADER - 2,
-                    "no level 5 MAT-file; save it in MATLAB with -v7 or -v6",
+                    "no level 5 MAT-file; save it in MATLAB or Octave with -v7 or -v6",
                 );
             }
         };

@@ -5,6 +5,8 @@ use crate::folder::{Folder, SqueezeFile, numbers};
 use crate::mat::{Matrix, read_mat, write_mat};
 use crate::squeeze::{COLUMNS, Squeeze, TACTELS, TACTILE_COLUMNS, TACTILE_ROWS};
 use serde::Deserialize;
+use std::collections::HashMap;
+use std::collections::hash_map::Entry;
 use std::fs;
 use std::path::{Path, PathBuf};
 use taxel_record::{NpzWriter, NumberArray, write_npy};
@@ -194,6 +196,23 @@ impl Session {
         places.sort_by(f64::total_cmp);
         places.dedup();
         places
+    }
+
+    /// Squeezes that are the same in all samples as one before them, which stands first: no gripper makes one twice.
+    pub fn copies(&self) -> Vec<(&Trial, &Trial)> {
+        let bits = |trial: &Trial| -> Vec<u64> {
+            let columns = trial.squeeze.columns();
+            columns.iter().flatten().map(|number| number.to_bits()).collect()
+        };
+        let mut seen: HashMap<Vec<u64>, &Trial> = HashMap::new();
+        let mut copies = Vec::new();
+        for trial in &self.trials {
+            match seen.entry(bits(trial)) {
+                Entry::Occupied(first) => copies.push((*first.get(), trial)),
+                Entry::Vacant(place) => drop(place.insert(trial)),
+            }
+        }
+        copies
     }
 
     /// Whether every squeeze has touch.

@@ -156,11 +156,15 @@ fn train(args: &TrainArgs) -> anyhow::Result<String> {
     OutputFile::write(&args.out, model.to_bytes())?;
     let chosen = model.kinesthetic.chosen();
     let squeezes = session.trials.len();
+    let locations = session.locations();
+    let [from, to] = [locations.first(), locations.last()].map(|at| at.copied().unwrap_or_default());
     if args.json {
         let object = json!({
             "out": args.out.display().to_string(),
             "squeezes": squeezes,
-            "places": session.locations().len(),
+            "places": locations.len(),
+            "from_percent": from,
+            "to_percent": to,
             "simulated": model.trained_on.simulated,
             "touch": model.touch.is_some(),
             "without": model.kinesthetic.never_there().collect::<Vec<_>>(),
@@ -184,8 +188,17 @@ fn train(args: &TrainArgs) -> anyhow::Result<String> {
     let mut text = format!(
         "{}: trained on {squeezes} squeezes at {} places{of}{senses}\n",
         args.out.display(),
-        session.locations().len(),
+        locations.len(),
     );
+    // Who has numbered places of their own has them at twelfths all the same.
+    let elbow = match to < 100.0 && args.data.is_dir() {
+        true => "; the elbow, 100 %, is place 12",
+        false => "",
+    };
+    writeln!(
+        text,
+        "places are from {from:.1} to {to:.1} % of the forearm{elbow}"
+    )?;
     let never: Vec<_> = model.kinesthetic.never_there().collect();
     if !never.is_empty() {
         writeln!(

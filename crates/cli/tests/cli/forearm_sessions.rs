@@ -1,6 +1,7 @@
 //! What `taxel forearm` says of a session before it makes anything of it.
 
 use crate::{fails, succeeds};
+use serde_json::Value;
 use std::fs;
 use std::path::Path;
 use taxel_forearm::{Session, Trial};
@@ -55,5 +56,40 @@ fn a_backup_in_the_folder_is_told_and_not_trained_on_and_two_arms_are_no_session
     assert!(
         error.contains("there are squeezes in data/anna and in data/ben") && error.contains("name one"),
         "{error}"
+    );
+}
+
+#[test]
+fn places_of_ones_own_are_told_in_percent_and_a_copied_squeeze_is_named() {
+    let dir = TempDir::new().unwrap();
+    let mut session = simulated(&dir);
+    session.trials.retain(|trial| trial.location_percent < 42.0);
+    write(&dir.path().join("six"), &session.trials);
+    let train = ["forearm", "train", "six", "--out", "six.model"];
+    let (out, said) = succeeds(&dir, &train);
+    assert!(
+        out.contains("at 6 places\n")
+            && out.contains("places are from 0.0 to 41.7 % of the forearm; the elbow, 100 %, is place 12"),
+        "{out}"
+    );
+    assert_eq!(said, "");
+    let (out, _) = succeeds(&dir, &[&train[..], &["--json"]].concat());
+    let told: Value = serde_json::from_str(&out).unwrap();
+    let of = |key: &str| told[key].as_f64().unwrap();
+    assert!(
+        of("from_percent") == 0.0 && (of("to_percent") - 41.667).abs() < 0.001,
+        "{told}"
+    );
+    let (out, _) = succeeds(&dir, &["forearm", "train", "all.npz", "--out", "all.model"]);
+    assert!(
+        out.contains("places are from 0.0 to 100.0 % of the forearm\n"),
+        "{out}"
+    );
+    session.trials[3].squeeze = session.trials[10].squeeze.clone();
+    write(&dir.path().join("six"), &session.trials);
+    let (_, said) = succeeds(&dir, &train);
+    assert!(
+        said.contains("six: squeeze 2 at 8.3 % and squeeze 1 at 41.7 % are the same in all samples"),
+        "{said}"
     );
 }

@@ -85,6 +85,25 @@ fn a_file_that_is_cut_off_names_the_byte() {
 }
 
 #[test]
+fn files_of_octave_and_of_level_4_are_told_what_to_save_them_as() {
+    let text =
+        "# Created by Octave 8.4.0, Thu Nov 26 10:00:00 2026 UTC <a@b>\n# name: datos\n# type: matrix\n";
+    let level_4 = [0_u32, 3, 10, 0, 6].map(u32::to_le_bytes).concat();
+    for (begin, words) in [
+        (text.as_bytes(), "save -v7 FILE.mat datos"),
+        (b"Octave-1-L\0", "save -v7 FILE.mat datos"),
+        (&level_4, "level 4; save it in MATLAB or Octave with -v7"),
+    ] {
+        let mut file = begin.to_vec();
+        file.resize(300, b'0');
+        let error = read_mat(&file, "datos").unwrap_err().to_string();
+        assert!(error.starts_with("byte 0: ") && error.contains(words), "{error}");
+    }
+    let short = read_mat(text.as_bytes(), "datos").unwrap_err().to_string();
+    assert!(short.contains("save -v7"), "{short}");
+}
+
+#[test]
 fn other_files_are_told_from_damaged_ones() {
     let mut hdf = write_mat(&matrix());
     hdf[HEADER - 2..HEADER].copy_from_slice(b"\0\0");
