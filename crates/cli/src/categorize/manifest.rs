@@ -133,7 +133,7 @@ fn first_lines(path: &Path) -> anyhow::Result<Head> {
     File::open(path)?.take(HEAD).read_to_end(&mut head)?;
     let text = String::from_utf8_lossy(&head);
     let lines = text.trim_start_matches('\u{feff}').lines();
-    let mut lines = lines.filter(|line| !line.starts_with('#'));
+    let mut lines = lines.filter(|line| !line.is_empty() && !line.starts_with('#'));
     let line = lines.next().unwrap_or_default();
     let delimiter = b";,\t".iter().find(|byte| line.as_bytes().contains(byte));
     let delimiter = *delimiter.unwrap_or(&b',');
@@ -184,12 +184,12 @@ pub(crate) fn read_manifest(path: &Path, options: &ReadOptions) -> anyhow::Resul
         path.display()
     );
     refuse_unknown_columns(path, &head)?;
+    let text = std::fs::read(path).with_context(|| path.display().to_string())?;
     let mut reader = csv::ReaderBuilder::new()
         .trim(csv::Trim::All)
         .comment(Some(b'#'))
         .delimiter(head.delimiter)
-        .from_path(path)
-        .with_context(|| path.display().to_string())?;
+        .from_reader(text.as_slice());
     let headers = reader
         .headers()
         .with_context(|| path.display().to_string())?
@@ -197,7 +197,8 @@ pub(crate) fn read_manifest(path: &Path, options: &ReadOptions) -> anyhow::Resul
     let mut jobs: Vec<Job> = Vec::new();
     for record in reader.records() {
         let record = record.with_context(|| path.display().to_string())?;
-        let line = record.position().map_or(0, csv::Position::line);
+        let from = record.position().map_or(0, csv::Position::byte);
+        let line = line_at(&text, from as usize);
         let at = || format!("{}:{line}", path.display());
         let record = match head.delimiter {
             b',' => record,
@@ -235,6 +236,22 @@ pub(crate) fn read_manifest(path: &Path, options: &ReadOptions) -> anyhow::Resul
         remark!("taxel: {}: {told}", path.display());
     }
     Ok(jobs)
+}
+
+/// The line of the record that is read from a byte on, counted from 1: the end of the line before may stand there still, and
+/// empty lines and comments.
+fn line_at(text: &[u8], from: usize) -> u64 {
+    let (before, mut rest) = text.split_at(from.min(text.len()));
+    let is_end = |byte: &&u8| **byte == b'\n';
+    let mut line = 1 + before.iter().filter(is_end).count();
+    while let [b'\n' | b'\r' | b'#', ..] = rest {
+        let Some(end) = rest.iter().position(|byte| *byte == b'\n') else {
+            break;
+        };
+        line += 1;
+        rest = &rest[end + 1..];
+    }
+    line as u64
 }
 
 /// That touches of one phantom and motion are the same frames, where any are: the first two of them, and how many more.
@@ -450,5 +467,34 @@ impl Job {
                 [first * taxels..end * taxels]
                 .to_vec(),
         })
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_line_is_counted_alike_whatever_ends_lines() {
+        for end in ["\n", "\r\n"] {
+            let text = [
+                "# touches",
+                "",
+                "file,label",
+                "a.npz,x",
+                "",
+                "# more",
+                "b.npz,y",
+                "c.npz,z",
+            ]
+            .join(end);
+            let dir = tempfile::tempdir().unwrap();
+            let path = dir.path().join("touches.csv");
+            std::fs::write(&path, text).unwrap();
+            assert!(is_manifest(&path).unwrap());
+            let jobs = read_manifest(&path, &ReadOptions::default()).unwrap();
+            let lines: Vec<u64> = jobs[0].rows.iter().map(|(line, _)| *line).collect();
+            assert_eq!(lines, [4, 7, 8], "{end:?}");
+        }
     }
 }
