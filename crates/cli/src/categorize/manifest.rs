@@ -35,6 +35,9 @@ struct Row {
     /// no touch.
     #[serde(skip)]
     longest: Option<usize>,
+    /// When the next touch of its file begins, s.
+    #[serde(skip)]
+    next: Option<f64>,
 }
 
 impl Row {
@@ -231,6 +234,7 @@ pub(crate) fn read_manifest(path: &Path, options: &ReadOptions) -> anyhow::Resul
     }
     ensure!(!jobs.is_empty(), "{}: no touch in it", path.display());
     find_longest(&mut jobs);
+    find_next(&mut jobs);
     let labels = jobs.iter().flat_map(|job| &job.rows).map(|(_, row)| &row.label);
     for told in labels::alike(labels).into_iter().chain(same_frames(&jobs)) {
         remark!("taxel: {}: {told}", path.display());
@@ -339,6 +343,23 @@ fn find_longest(jobs: &mut [Job]) {
     }
     for (_, row) in jobs.iter_mut().flat_map(|job| &mut job.rows) {
         row.longest = of_file[&row.file];
+    }
+}
+
+/// Fills in `next` of each row: touches of one file, of whatever phantom and motion, follow one another.
+fn find_next(jobs: &mut [Job]) {
+    let mut of_file: HashMap<String, Vec<f64>> = HashMap::new();
+    for (_, row) in jobs.iter().flat_map(|job| &job.rows) {
+        let begins = of_file.entry(row.file.clone()).or_default();
+        begins.push(row.time.unwrap_or(0.0));
+    }
+    of_file
+        .values_mut()
+        .for_each(|begins| begins.sort_by(f64::total_cmp));
+    for (_, row) in jobs.iter_mut().flat_map(|job| &mut job.rows) {
+        let begins = &of_file[&row.file];
+        let before = begins.partition_point(|begin| *begin <= row.time.unwrap_or(0.0));
+        row.next = begins.get(before).copied();
     }
 }
 
@@ -452,7 +473,10 @@ impl Job {
         );
         let end = match self.motion {
             Some(motion) => (first + motion.steps()).min(times.len()),
-            None => times.len(),
+            None => match row.next {
+                Some(next) => times.partition_point(|t| *t < instant_ns(next)).max(first + 1),
+                None => times.len(),
+            },
         };
         let name = match (row.area.as_str(), row.label.as_str()) {
             ("", "") => row.file.clone(),
@@ -496,5 +520,20 @@ mod tests {
             let lines: Vec<u64> = jobs[0].rows.iter().map(|(line, _)| *line).collect();
             assert_eq!(lines, [4, 7, 8], "{end:?}");
         }
+    }
+
+    #[test]
+    fn a_touch_of_a_file_ends_at_the_latest_where_the_next_begins() {
+        let dir = tempfile::tempdir().unwrap();
+        let path = dir.path().join("touches.csv");
+        let text = "file,time,phantom\na.npz,2,A\na.npz,,A\na.npz,1.5,B\nb.npz,1,A\na.npz,2,A\n";
+        std::fs::write(&path, text).unwrap();
+        let jobs = read_manifest(&path, &ReadOptions::default()).unwrap();
+        let next: Vec<_> = jobs
+            .iter()
+            .flat_map(|job| &job.rows)
+            .map(|(_, row)| row.next)
+            .collect();
+        assert_eq!(next, [None, Some(1.5), None, None, Some(2.0)]);
     }
 }

@@ -88,6 +88,24 @@ fn touches_that_are_the_same_frames_are_said() {
 }
 
 #[test]
+fn a_touch_by_time_ends_where_the_next_of_its_file_begins() {
+    let dir = recorded();
+    // Every 18 frames at 30 Hz a touch of 13; the fourth is not named.
+    let rows: String = [5, 23, 41, 77, 95]
+        .map(|frame| format!("frames.csv,{}\n", f64::from(frame) / 30.0))
+        .concat();
+    std::fs::write(dir.path().join("own.csv"), format!("file,time\n{rows}")).unwrap();
+    let (out, err) = succeeds(&dir, &["categorize", "own.csv", "--classes", "2", "--json"]);
+    let report: Value = serde_json::from_str(&out).unwrap();
+    // Of the third, what is behind the others' ends: each frame once at most.
+    assert_eq!(
+        (&report["features"], &report["frames_left_out"]),
+        (&36.into(), &18.into()),
+        "{err}"
+    );
+}
+
+#[test]
 fn a_manifest_of_several_phantoms_is_told_what_chooses_one() {
     let dir = recorded();
     let by_hand = "keep the lines of one phantom in a manifest of its own";
