@@ -33,6 +33,7 @@ pub struct Recording {
     unitless_time: Option<String>,
     pub(crate) names: Box<ColumnNames>,
     counts_step: Option<u32>,
+    layout: Option<Box<str>>,
 }
 
 impl Recording {
@@ -123,6 +124,7 @@ impl Recording {
             unitless_time: unitless_time.filter(|_| options.rate_hz.is_none()),
             names: Box::new(names),
             counts_step,
+            layout: None,
         })
     }
 
@@ -161,7 +163,19 @@ impl Recording {
             unitless_time: None,
             names: Box::default(),
             counts_step: None,
+            layout: None,
         })
+    }
+
+    /// Says which layout its hand has.
+    pub fn with_layout(mut self, layout: &str) -> Self {
+        self.layout = Some(layout.into());
+        self
+    }
+
+    /// The layout of its hand, where it says which.
+    pub fn layout(&self) -> Option<&str> {
+        self.layout.as_deref()
     }
 
     /// The file, and the array where there is one, for messages: `FILE [ARRAY]`.

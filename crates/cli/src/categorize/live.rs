@@ -1,6 +1,7 @@
 //! `taxel categorize --live MAP`: touch after touch into its category, beside a running daemon.
 
 use super::map_file::MapFile;
+use super::probe::Probe;
 use crate::client::live_lines::{Lines, every_frame};
 use crate::client::reconnect::with_daemon;
 use crate::notices;
@@ -15,8 +16,8 @@ use taxel_wire::{EventKind, Hello, Kind, Received, Subscriber};
 
 /// Touches as they come: frames and marks in, categories out. No socket and no clock.
 pub(crate) struct Live {
-    /// What the map is of, for messages.
-    name: String,
+    /// What the map is of.
+    pub(super) probe: Probe,
     grid: Aligned,
     motion: Option<Motion>,
     rest_ns: Option<u64>,
@@ -78,7 +79,7 @@ impl Live {
             .map(|[depth, radius]| Motion::new(depth, radius))
             .transpose()?;
         Ok(Self {
-            name: map.name,
+            probe: Probe::of(&map),
             grid: Aligned {
                 along: motion.map_or(Alignment::Time, Motion::along),
                 first: map.first,
@@ -239,13 +240,8 @@ fn follow_one(subscriber: Subscriber, live: &mut Live, listener: &mut dyn Listen
     loop {
         match subscriber.next()? {
             Received::Hello(hello) => {
-                let taxels = hello.taxels.len();
-                if values != taxels && values != 3 * taxels {
-                    bail!(
-                        "the map of {} has {values} values a frame, and {} has {taxels} taxels; it is of another probe",
-                        live.name,
-                        hello.layout
-                    );
+                if let Some(told) = live.probe.meets(&hello.layout, hello.taxels.len())? {
+                    notices::warn(&format!("taxel: {told}"));
                 }
                 listener.hello(hello)?;
             }
@@ -255,6 +251,12 @@ fn follow_one(subscriber: Subscriber, live: &mut Live, listener: &mut dyn Listen
                 }
                 newest = header.seq;
                 let one = values == raw.taxels().len();
+                if one {
+                    let has_three = raw.taxels().any(|taxel| taxel.counts[..2] != [0, 0]);
+                    if let Some(told) = live.probe.sees(has_three)? {
+                        notices::warn(&format!("taxel: {told}"));
+                    }
+                }
                 let Some(baselines) = raw.baselines() else {
                     bail!(
                         "the daemon sends no baselines (it is of version 1.0, or the hand has too many taxels)"

@@ -1,6 +1,7 @@
 //! Touches that a manifest names.
 
 use super::labels;
+use super::probe::Values;
 use super::touches::{Set, above_baseline, of_scene, open, places, taken_for, values};
 use crate::recordings::own_clock::{CLOCK_S, LATE_NS, instant_ns};
 use anyhow::{Context, anyhow, bail, ensure};
@@ -403,6 +404,8 @@ impl Job {
             period_s: 0.0,
             rest_ms: None,
             beyond: 0,
+            values_are: Values::Xyz,
+            layout: None,
         };
         for (line, row) in &self.rows {
             if opened.last().is_none_or(|(name, _)| *name != row.file) {
@@ -451,6 +454,10 @@ impl Job {
             }
             set.beyond += beyond;
             set.period_s = set.period_s.max(recording.period_ns() as f64 / 1e9);
+            set.values_are = Values::of(recording).or(set.values_are, set.touches.is_empty());
+            let layout = recording.layout().map(str::to_owned);
+            set.layout =
+                layout.filter(|layout| set.touches.is_empty() || set.layout.as_ref() == Some(layout));
             set.touches.push(touch);
             set.labels.push(row.label.clone());
         }

@@ -1,5 +1,6 @@
 //! A map and its categories in a file.
 
+use super::probe::Values;
 use super::touches::Set;
 use anyhow::{Context, ensure};
 use serde::{Deserialize, Serialize};
@@ -23,6 +24,12 @@ pub(super) struct MapFile {
     pub(super) steps: usize,
     /// Values of a frame: one or three for each taxel.
     pub(super) values: usize,
+    /// What they are; not in maps that were saved before it was kept.
+    #[serde(default)]
+    pub(super) values_are: Option<Values>,
+    /// The layout of the hand, where it is known.
+    #[serde(default)]
+    pub(super) layout: Option<String>,
     /// The name of each category.
     pub(super) labels: Vec<Option<String>>,
     pub(super) classifier: Classifier,
@@ -43,6 +50,8 @@ impl MapFile {
             step: aligned.step,
             steps: aligned.steps,
             values: aligned.taxels,
+            values_are: Some(set.values_are),
+            layout: set.layout.clone(),
             labels,
             classifier,
         }
@@ -98,6 +107,8 @@ mod tests {
                 step: 0.5,
                 steps: 3,
                 values: 1,
+                values_are: Some(Values::Z),
+                layout: None,
                 labels: vec![Some("soft".into()), None],
                 classifier: Classifier::new(&pca, &touches, &found).unwrap(),
             }

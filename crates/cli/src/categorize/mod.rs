@@ -7,6 +7,7 @@ mod live;
 mod manifest;
 mod map_file;
 mod phantom_map;
+mod probe;
 mod report;
 mod sweep;
 mod touches;

@@ -2,6 +2,7 @@
 
 use super::contact;
 use super::labels;
+use super::probe::Values;
 use crate::recordings::assumed;
 use crate::recordings::implausible_times;
 use crate::recordings::marks_file;
@@ -36,6 +37,10 @@ pub(crate) struct Set {
     pub(crate) rest_ms: Option<f64>,
     /// Frames of files behind the last step of every motion that is cut out of them.
     pub(super) beyond: usize,
+    /// What the values of its touches are.
+    pub(super) values_are: Values,
+    /// The layout of the hand, where it is known.
+    pub(super) layout: Option<String>,
 }
 
 /// Without `--step`, steps are at most this many times the time between frames. Frames of a live hand come late by less; more
@@ -221,6 +226,8 @@ pub(crate) fn of_recording(
         period_s: recording.period_ns() as f64 / 1e9,
         rest_ms: None,
         beyond: 0,
+        values_are: Values::of(&recording),
+        layout: recording.layout().map(str::to_owned),
     })
 }
 
@@ -374,6 +381,8 @@ pub(crate) fn of_scene(name: &str, motion: Option<Motion>) -> anyhow::Result<Set
         period_s: 0.05,
         rest_ms: Some(palpation.step_ns() as f64 / 1e6),
         beyond: 0,
+        values_are: Values::Z,
+        layout: Some(layout.name.clone()),
     })
 }
 
@@ -476,6 +485,8 @@ mod tests {
                 period_s: 0.0,
                 rest_ms: None,
                 beyond: 0,
+                values_are: Values::Z,
+                layout: None,
             }
         };
         let down = Motion::new(6.5, 0.0).ok();

@@ -433,7 +433,7 @@ fn a_phantom_is_palpated_through_the_engine() {
 #[test]
 fn live_categories_wait_for_a_daemon_that_is_not_there_and_for_one_that_ended() {
     let dir = recorded();
-    // The same touches on a hand of 240 taxels.
+    // The same touches on a hand of 240 taxels, with their sign.
     let frames = std::fs::read_to_string(dir.path().join("frames.csv")).unwrap();
     let wide: String = (frames.lines())
         .map(|frame| format!("{}\n", vec![frame; 120].join(",")))
@@ -473,6 +473,26 @@ fn live_categories_wait_for_a_daemon_that_is_not_there_and_for_one_that_ended() 
         assert!(child.try_wait().unwrap().is_none(), "it ended");
         std::thread::sleep(std::time::Duration::from_millis(20));
     }
+    // Its taxels have three axes, and a norm is none of them.
+    let norms = std::fs::read_to_string(dir.path().join("wide.csv")).unwrap();
+    std::fs::write(dir.path().join("norms.csv"), norms.replace('-', "")).unwrap();
+    succeeds(
+        &dir,
+        &args.map(|arg| match arg {
+            "wide.csv" => "norms.csv",
+            "map.json" => "norms.json",
+            arg => arg,
+        }),
+    );
+    let error = fails(
+        &dir,
+        &["categorize", "--live", "norms.json", "--socket", "images.sock"],
+        1,
+    );
+    assert!(
+        error.contains("the map of norms.csv is of magnitudes") && error.contains("of the counts x y z"),
+        "{error}"
+    );
     daemon.stop().unwrap();
     assert!(waits());
     assert!(published.exists() && child.try_wait().unwrap().is_none());

@@ -143,7 +143,10 @@ fn frames_and_wall_marks(
     if let Some(first_ns) = times_ns.first().copied() {
         times_ns.iter_mut().for_each(|t_ns| *t_ns -= first_ns);
     }
-    let recording = Recording::of_counts(name, taxels, counts, times_ns, joints)?;
+    let mut recording = Recording::of_counts(name, taxels, counts, times_ns, joints)?;
+    if let Some(hello) = &hand.first {
+        recording = recording.with_layout(&hello.layout);
+    }
     Ok((recording, marks, began_ns))
 }
 
