@@ -52,6 +52,7 @@ pub(crate) fn read(path: &Path, options: &ReadOptions) -> Result<Table, RecordEr
     let mut frames = Frames::new(LineColumns::of_plain(options));
     let mut is_first = true;
     let mut lines_before = 0;
+    let mut header: Option<ByteRecord> = None;
     while lines.read()? {
         let refuse = |reason| unreadable(path, lines.number, reason);
         let record = &mut lines.record;
@@ -78,6 +79,7 @@ pub(crate) fn read(path: &Path, options: &ReadOptions) -> Result<Table, RecordEr
             refuse_log_of_python_can(record, path).map_err(refuse)?;
             let is_index_time = has_index(record) && is_index_clock(path, delimiter)?;
             frames.meaning = LineColumns::of_header(record, options, is_index_time).map_err(refuse)?;
+            header = Some(record.clone());
             if is_index_time && frames.meaning.time.is_none() && options.rate_hz.is_none() {
                 return Err(refuse(
                     "column 1, which has no name, rises like a clock, and not as numbers of frames do: --time-column s, if it \
@@ -95,7 +97,23 @@ pub(crate) fn read(path: &Path, options: &ReadOptions) -> Result<Table, RecordEr
             if begins_with_numbers {
                 frames.names_line = Some(lines.number);
             }
-            frames.take(record).map_err(|reason| {
+            let taken = frames.take(record);
+            if taken.is_err() && header.as_ref() == Some(record) {
+                return Err(refuse(format!(
+                    "the header stands here again, as where another recording begins; take them apart: `head -n {}` is what is \
+                     before it, `tail -n +{}` the rest",
+                    lines.number - 1,
+                    lines.number
+                )));
+            }
+            if let Err(reason) = &taken
+                && frames.is_cut_off(record.len(), reason)
+            {
+                let line = lines.number;
+                let end = if lines.read()? { "" } else { CUT_OFF };
+                return Err(unreadable(path, line, format!("{reason}{end}")));
+            }
+            taken.map_err(|reason| {
                 let is_text = frames.is_behind_header() && reason.ends_with(NO_NUMBER);
                 // As in a preamble, which is taken for the header.
                 let has_number = record.iter().any(|bytes| cell(bytes).is_ok_and(|cell| cell.parse::<f64>().is_ok()));
@@ -183,6 +201,13 @@ impl Frames {
     /// Whether there was a header and nothing else.
     fn is_behind_header(&self) -> bool {
         self.frames == 0 && self.meaning.columns.is_some()
+    }
+
+    /// Whether a line that is not taken for this reason may be one that was not written to its end.
+    fn is_cut_off(&self, cells: usize, reason: &str) -> bool {
+        let columns = self.meaning.columns.unwrap_or_default();
+        let is_short = cells < columns && !reason.contains(NO_SEPARATOR);
+        self.frames > 0 && (is_short || reason.ends_with(NO_NUMBER))
     }
 
     /// Takes the numbers of a line.
@@ -421,6 +446,9 @@ fn refuse_log_of_python_can(header: &ByteRecord, path: &Path) -> Result<(), Stri
     ))
 }
 
+/// What is to be done with a last line that was not written to its end.
+const CUT_OFF: &str =
+    "; it is the last line: where it was cut off, as when a program was killed, `sed '$d'` leaves it out";
 /// What others write where there is no value.
 const NO_VALUE: [&str; 7] = ["na", "n/a", "#n/a", "null", "none", "-", "nil"];
 

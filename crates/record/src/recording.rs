@@ -1,9 +1,12 @@
 //! A sequence of tactile frames, read from a file.
 
+mod backwards;
+
 use crate::error::RecordError;
 use crate::idle;
 use crate::meaning::Meaning;
 use crate::table::{ColumnNames, Columns, DEFAULT_RATE_HZ, ReadOptions, Table, Void};
+use backwards::refuse_backwards;
 
 /// Raw counts x, y, z of a taxel; none where it had no value of that time.
 pub type TaxelCounts = Option<[u16; 3]>;
@@ -321,19 +324,6 @@ impl Recording {
             Frames::Magnitudes(_) => None,
         }
     }
-}
-
-/// Refuses times that run backwards.
-fn refuse_backwards(at: &str, times_ns: &[u64]) -> Result<(), RecordError> {
-    let Some(before) = times_ns.windows(2).position(|w| w[1] < w[0]) else {
-        return Ok(());
-    };
-    let reason = format!(
-        "the time of frame {} is before that of the frame before it; where the frames are only out of order, \
-         n = numpy.argsort(t, kind=\"stable\") puts them into it, values[n] and t[n]",
-        before + 1
-    );
-    Err(RecordError::unreadable(at, reason))
 }
 
 /// The cells of a frame that are not a number in any frame.

@@ -1,5 +1,6 @@
 //! What a recording does not say for sure and is taken for: sentences on its columns and times.
 
+use std::collections::HashSet;
 use taxel_record::{DEFAULT_RATE_HZ, ReadOptions, Recording};
 use taxel_skin::ConditionConfig;
 
@@ -33,7 +34,12 @@ pub(crate) fn of_columns(recording: &Recording) -> impl Iterator<Item = String> 
             first.join(", ")
         )
     });
-    comment.into_iter().chain(left_out).chain(names).chain(sorted)
+    let mut seen = HashSet::new();
+    let twice = (recording.column_names().iter().filter(|name| !name.is_empty()))
+        .find(|name| !seen.insert(name.as_str()))
+        .map(|name| format!("two of its columns are called {name:?}; each is taken for a taxel"));
+    let of_names = comment.into_iter().chain(left_out).chain(names);
+    of_names.chain(sorted).chain(twice)
 }
 
 /// That a column is taken for seconds, or that a recording without times is taken to have come at a rate that nobody gave.

@@ -413,3 +413,17 @@ fn columns_in_the_order_of_their_names_as_texts_are_taken_by_their_numbers() {
         assert_eq!(at, Some(place), "{order:?}: {images}");
     }
 }
+
+#[test]
+fn two_columns_of_one_name_are_said() {
+    let dir = TempDir::new().unwrap();
+    std::fs::write(dir.path().join("in.csv"), "a,b,b,c\n1,2,3,4\n").unwrap();
+    let (_, err) = succeeds(
+        &dir,
+        &["compress", "in.csv", "--layout", "grid:2x2", "--out", "o.npz"],
+    );
+    assert!(
+        err.contains(r#"in.csv: two of its columns are called "b""#),
+        "{err}"
+    );
+}

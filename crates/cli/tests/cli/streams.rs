@@ -224,7 +224,7 @@ fn a_pipe_with_a_name_is_read_as_stdin_is_and_no_other_kind_of_file() {
 #[test]
 fn what_is_wrong_with_stdin_is_told_of_stdin() {
     let dir = TempDir::new().unwrap();
-    fs::write(dir.path().join("bad.csv"), "1,2\n3\n").unwrap();
+    fs::write(dir.path().join("bad.csv"), "1,2\n3\n4,5\n").unwrap();
     let output = reading(&dir, "bad.csv", &["compress", "-", "--out", "a.npy"]);
     assert_eq!(
         texts(&output).1,

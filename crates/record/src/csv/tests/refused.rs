@@ -24,6 +24,54 @@ fn a_line_without_end_is_refused_before_it_takes_the_memory() {
 }
 
 #[test]
+fn a_header_again_and_a_last_line_that_is_cut_off_are_told() {
+    let end =
+        "; it is the last line: where it was cut off, as when a program was killed, `sed '$d'` leaves it out";
+    for (text, wanted, is_end) in [
+        (
+            "t_s,a,b\n0,1,2\n1,3,4\nt_s,a,b\n0,1,2\n",
+            ":4: the header stands here again, as where another recording begins; take them apart: `head -n 3` is what is \
+             before it, `tail -n +4` the rest",
+            false,
+        ),
+        (
+            "t_s,a,b\n0,1,2\n1,3",
+            ":3: 2 columns, where the lines before have 3",
+            true,
+        ),
+        (
+            "1,2,3\n4,5\n",
+            ":2: 2 columns, where the lines before have 3",
+            true,
+        ),
+        (
+            "1,2,3\n4,5\n6,7,8\n",
+            ":2: 2 columns, where the lines before have 3",
+            false,
+        ),
+        (
+            "a,b\n1,2\n3,4e",
+            ":3: column 2 is \"4e\", which is not a number",
+            true,
+        ),
+        (
+            "a,b\n1,2\n3,4e\n5,6\n",
+            ":3: column 2 is \"4e\", which is not a number",
+            false,
+        ),
+        (
+            "a,b\n1,2e\n",
+            ":2: column 2 is \"2e\", which is not a number",
+            false,
+        ),
+    ] {
+        let message = read_text(text, &ReadOptions::default()).unwrap_err();
+        assert!(message.contains(wanted), "{text:?}: {message}");
+        assert_eq!(message.ends_with(end), is_end, "{text:?}: {message}");
+    }
+}
+
+#[test]
 fn errors_name_the_line() {
     let columns = ReadOptions {
         columns: Some(Columns::XyzBlocks),
