@@ -2,6 +2,7 @@
 
 use crate::clock_name::{ClockName, in_two_columns, last_part};
 use crate::csv_axes::{by_numbers, named_axes};
+use crate::csv_grid::by_grid;
 use crate::table::{ColumnNames, ReadOptions, TimeUnit};
 use csv::ByteRecord;
 use std::collections::BTreeMap;
@@ -132,12 +133,19 @@ impl LineColumns {
         let are_counts = counts.is_some();
         let sorted = by_numbers(&skin, &names).filter(|_| !are_counts && options.columns.is_none());
         let are_sorted = sorted.is_some();
-        let values = counts.or(sorted).unwrap_or(skin);
+        let mut values = counts.or(sorted).unwrap_or(skin);
+        let axes = if are_counts { 3 } else { 1 };
+        // A board and a taxel are no row and column.
+        let image = options
+            .image
+            .filter(|_| options.columns.is_none() && !are_of_boards);
+        let of_grid = image.and_then(|image| by_grid(&mut values, axes, &names, image));
         let named = |columns: &[usize]| columns.iter().map(|column| names[*column].to_owned()).collect();
         let names_of_columns = ColumnNames {
             values: named(&values),
             left_out: named(&left_out),
             are_sorted,
+            of_grid,
             ..ColumnNames::default()
         };
         let places = Places { values, joints };

@@ -259,6 +259,11 @@ impl Recording {
         &self.names.left_out
     }
 
+    /// What is to be said of the names of its columns, whose numbers are rows and columns of the image.
+    pub fn columns_of_grid(&self) -> Option<&str> {
+        self.names.of_grid.as_deref()
+    }
+
     /// The line of the first frame of a file without names, from 1, where that is 0, 1, 2, 3, ...: the names that pandas gives
     /// columns without one.
     pub fn names_line(&self) -> Option<u64> {

@@ -68,6 +68,8 @@ pub(crate) struct ColumnNames {
     pub(crate) values: Vec<String>,
     /// Whether they were put in the order of their numbers.
     pub(crate) are_sorted: bool,
+    /// What is to be said of numbers in them that are rows and columns of a grid.
+    pub(crate) of_grid: Option<String>,
     /// Those that are neither values, joint angles nor the time of a frame.
     pub(crate) left_out: Vec<String>,
     /// The comment that they stand in, where no line of their own has them.

@@ -34,12 +34,13 @@ pub(crate) fn of_columns(recording: &Recording) -> impl Iterator<Item = String> 
             first.join(", ")
         )
     });
+    let of_grid = recording.columns_of_grid().map(str::to_owned);
     let mut seen = HashSet::new();
     let twice = (recording.column_names().iter().filter(|name| !name.is_empty()))
         .find(|name| !seen.insert(name.as_str()))
         .map(|name| format!("two of its columns are called {name:?}; each is taken for a taxel"));
     let of_names = comment.into_iter().chain(left_out).chain(names);
-    of_names.chain(sorted).chain(twice)
+    of_names.chain(sorted).chain(of_grid).chain(twice)
 }
 
 /// That a column is taken for seconds, or that a recording without times is taken to have come at a rate that nobody gave.

@@ -415,6 +415,38 @@ fn columns_in_the_order_of_their_names_as_texts_are_taken_by_their_numbers() {
 }
 
 #[test]
+fn columns_that_stand_column_by_column_of_a_grid_are_taken_by_their_numbers() {
+    let dir = TempDir::new().unwrap();
+    let cells: Vec<(usize, usize)> = (0..12).map(|n| (n % 3, n / 3)).collect();
+    let told = "in.csv: its columns stand column by column of the grid by the numbers in their names";
+    for (axes, pressed, rest) in [(&[""][..], "50", "0"), (&["_x", "_y", "_z"], "29000", "20000")] {
+        let names = cells
+            .iter()
+            .flat_map(|(r, c)| axes.iter().map(move |axis| format!("r{r}c{c}{axis}")));
+        let names: Vec<String> = names.collect();
+        let line = |at| -> String {
+            let value =
+                |cell: &(usize, usize)| vec![if Some(*cell) == at { pressed } else { rest }; axes.len()];
+            cells.iter().flat_map(value).collect::<Vec<_>>().join(",") + "\n"
+        };
+        let text = names.join(",") + "\n" + &line(None).repeat(90) + &line(Some((0, 2))).repeat(9);
+        std::fs::write(dir.path().join("in.csv"), text).unwrap();
+        let args = [
+            "compress", "in.csv", "--rate", "30", "--layout", "grid:3x4", "--out", "o.csv",
+        ];
+        let (_, err) = succeeds(&dir, &args);
+        assert!(
+            err.contains(told) && err.contains(r#""r0c0"#) && err.contains(r#""r0c1"#),
+            "{err}"
+        );
+        let images = std::fs::read_to_string(dir.path().join("o.csv")).unwrap();
+        let greys: Vec<&str> = images.lines().last().unwrap().split(',').collect();
+        let at = greys[greys.len() - 12..].iter().position(|grey| *grey != "0");
+        assert_eq!(at, Some(2), "{images}");
+    }
+}
+
+#[test]
 fn two_columns_of_one_name_are_said() {
     let dir = TempDir::new().unwrap();
     std::fs::write(dir.path().join("in.csv"), "a,b,b,c\n1,2,3,4\n").unwrap();
