@@ -1,21 +1,21 @@
 //! A recording of named counts, board by board: `{board}B{taxel}X`, `..Y`, `..Z`.
 
-use crate::csv_columns::board_of;
+use crate::csv_columns::taxel_of;
 use crate::recording::{Frames, Recording};
 
 impl Recording {
-    /// The numbers of the boards in the names of its columns, ascending, and how many taxels each has; none where columns are
-    /// named otherwise, or with fingers.
-    pub fn boards(&self) -> Option<Vec<(u32, usize)>> {
+    /// The numbers of the boards in the names of its columns, ascending, and those of the taxels of each, ascending; none where
+    /// columns are named otherwise, or with fingers.
+    pub fn boards(&self) -> Option<Vec<(u32, Vec<u32>)>> {
         if !self.has_counts() || self.column_names().is_empty() {
             return None;
         }
-        let mut boards: Vec<(u32, usize)> = Vec::new();
+        let mut boards: Vec<(u32, Vec<u32>)> = Vec::new();
         for name in self.column_names().iter().step_by(3) {
-            let number = board_of(name)?;
+            let (number, taxel) = taxel_of(name)?;
             match boards.last_mut() {
-                Some((last, taxels)) if *last == number => *taxels += 1,
-                _ => boards.push((number, 1)),
+                Some((last, taxels)) if *last == number => taxels.push(taxel),
+                _ => boards.push((number, vec![taxel])),
             }
         }
         Some(boards)

@@ -292,11 +292,11 @@ fn joint_number(name: &str) -> Option<u32> {
     number.parse().ok()
 }
 
-/// The board whose column has this name, `{board}B{taxel}X` without a finger.
-pub(crate) fn board_of(name: &str) -> Option<u32> {
+/// The board and the taxel whose column has this name, `{board}B{taxel}X` without a finger.
+pub(crate) fn taxel_of(name: &str) -> Option<(u32, u32)> {
     let is_of_finger = name.to_ascii_uppercase().contains('F');
     let Axis { taxel, .. } = Axis::of_name(name).filter(|_| !is_of_finger)?;
-    Some(taxel.1)
+    Some((taxel.1, taxel.2))
 }
 
 /// A column's taxel (finger, board, taxel) and axis.

@@ -32,6 +32,10 @@ pub(super) fn place(
             .zip(first..)
             .all(|((number, _), n)| *number as usize == n)
     };
+    if are_addresses || counts_from(0) || counts_from(1) {
+        let are_modules = counts_from(0) || !are_addresses;
+        refuse_other_taxels(recording.name(), &hand, &boards, are_modules)?;
+    }
     if counts_from(0) {
         let may_be_either = are_addresses && addresses != sorted;
         return Ok(may_be_either.then(|| {
@@ -68,21 +72,67 @@ pub(super) fn place(
         );
     }
     let mut order = Vec::with_capacity(recording.taxels());
-    for (module, address) in hand.modules.iter().zip(&addresses) {
+    for address in &addresses {
         let index = sorted.partition_point(|other| other < address);
-        let first: usize = boards[..index].iter().map(|(_, taxels)| taxels).sum();
-        let taxels = boards[index].1;
-        if taxels != usize::from(module.taxels) {
-            bail!(
-                "{}: board {address} has columns of {taxels} taxels, and module {} of layout {} has {}",
-                recording.name(),
-                module.name,
-                hand.name,
-                module.taxels
-            );
-        }
-        order.extend(first..first + taxels);
+        let first: usize = boards[..index].iter().map(|(_, taxels)| taxels.len()).sum();
+        order.extend(first..first + boards[index].1.len());
     }
     recording.reorder_taxels(&order);
     Ok(None)
+}
+
+/// Refuses columns of other taxels than the boards of the hand have: those of a board go in their order to the taxels of its
+/// module, so that all behind a gap would be on the taxel before theirs. A board's own numbers may have gaps, and who counts
+/// its taxels from 0 or 1 means them in order.
+fn refuse_other_taxels(
+    name: &str,
+    hand: &Layout,
+    boards: &[(u32, Vec<u32>)],
+    are_modules: bool,
+) -> anyhow::Result<()> {
+    for (index, module) in hand.modules.iter().enumerate() {
+        let address = u32::from(hand.wiring[index].board);
+        let named = boards.iter().enumerate().find(|(n, (number, _))| {
+            if are_modules {
+                *n == index
+            } else {
+                *number == address
+            }
+        });
+        let Some((_, (number, taxels))) = named else {
+            continue;
+        };
+        let mut own: Vec<u32> = hand.k_of(module).iter().copied().map(u32::from).collect();
+        own.sort_unstable();
+        let count = own.len() as u32;
+        if *taxels == own || taxels.iter().copied().eq(0..count) || taxels.iter().copied().eq(1..=count) {
+            continue;
+        }
+        bail!(
+            "{name}: its columns of board {number} are of the taxels {}, and module {} of layout {} has the taxels {}; name \
+             them so, and leave the cells of one without values empty",
+            ranges(taxels),
+            module.name,
+            hand.name,
+            ranges(&own)
+        );
+    }
+    Ok(())
+}
+
+/// Ascending numbers in words: `0 to 2, 4, 6 to 15`.
+fn ranges(numbers: &[u32]) -> String {
+    let mut runs: Vec<[u32; 2]> = Vec::new();
+    for &number in numbers {
+        match runs.last_mut() {
+            Some([_, last]) if *last + 1 == number => *last = number,
+            _ => runs.push([number; 2]),
+        }
+    }
+    let words = runs.iter().map(|[first, last]| match last - first {
+        0 => first.to_string(),
+        1 => format!("{first}, {last}"),
+        _ => format!("{first} to {last}"),
+    });
+    words.collect::<Vec<_>>().join(", ")
 }

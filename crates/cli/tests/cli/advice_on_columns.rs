@@ -415,6 +415,44 @@ fn columns_in_the_order_of_their_names_as_texts_are_taken_by_their_numbers() {
 }
 
 #[test]
+fn columns_of_other_taxels_than_the_board_has_are_refused() {
+    let dir = TempDir::new().unwrap();
+    let write = |taxels: &[u32]| {
+        let names: Vec<String> = (taxels.iter())
+            .flat_map(|k| ["X", "Y", "Z"].map(|axis| format!("0B{k}{axis}")))
+            .collect();
+        let line = vec!["20000"; names.len()].join(",") + "\n";
+        std::fs::write(
+            dir.path().join("in.csv"),
+            format!("{}\n{}", names.join(","), line.repeat(60)),
+        )
+        .unwrap();
+    };
+    let args = [
+        "compress",
+        "in.csv",
+        "--rate",
+        "30",
+        "--layout",
+        "uskin-module",
+        "--out",
+        "o.npz",
+    ];
+    let without = |left_out: u32, to: u32| (0..=to).filter(|k| *k != left_out).collect::<Vec<u32>>();
+    write(&without(3, 16));
+    let err = fails(&dir, &args, 1);
+    assert!(
+        err.contains("its columns of board 0 are of the taxels 0 to 2, 4 to 16, and module ")
+            && err.contains(" of layout uskin-module has the taxels 0 to 15; name them so"),
+        "{err}"
+    );
+    for taxels in [without(16, 16), without(0, 16)] {
+        write(&taxels);
+        succeeds(&dir, &args);
+    }
+}
+
+#[test]
 fn columns_that_stand_column_by_column_of_a_grid_are_taken_by_their_numbers() {
     let dir = TempDir::new().unwrap();
     let cells: Vec<(usize, usize)> = (0..12).map(|n| (n % 3, n / 3)).collect();
