@@ -27,6 +27,8 @@ ACTUATORS = 16
 DEAD_MAN_S = 0.2
 """A few image periods; at 30 Hz an image comes every 0.033 s."""
 RECONNECT_S = 0.5
+ENDING = (signal.SIGINT, signal.SIGTERM, signal.SIGHUP, signal.SIGQUIT)
+"""What ends the driver; a terminal that is closed sends SIGHUP."""
 
 
 def drive(levels: Dict[int, int], why: str) -> None:
@@ -71,14 +73,20 @@ def follow(reader: taxel_reader.Reader, display: Display) -> None:
             display.show({}, "no image")
 
 
+def end(*_: object) -> None:
+    """Ends the driver. A second signal must not cut short that it lets go."""
+    for number in ENDING:
+        signal.signal(number, signal.SIG_IGN)
+    sys.exit(0)
+
+
 def main() -> int:
     """Follows the daemon, whenever there is one, until told to stop."""
     if len(sys.argv) != 2:
         print("usage: display.py SOCKET, such as /run/taxeld/images.sock; taxeld logs where it is", file=sys.stderr)
         return 2
-    # A terminal that is closed sends SIGHUP.
-    for number in (signal.SIGTERM, signal.SIGHUP, signal.SIGQUIT):
-        signal.signal(number, lambda *_: sys.exit(0))
+    for number in ENDING:
+        signal.signal(number, end)
     display = Display()
     try:
         while True:
@@ -95,8 +103,6 @@ def main() -> int:
     except taxel_reader.DecodeError as error:
         print(f"display: {error}", file=sys.stderr)
         return 1
-    except KeyboardInterrupt:
-        return 0
     finally:
         drive({}, "stopped")
 

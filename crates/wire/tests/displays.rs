@@ -171,6 +171,51 @@ fn the_display_in_python_lets_go_when_images_stop() {
     behaves(&daemon, Driver::start(display), "-TERM");
 }
 
+/// A driver whose hardware takes long to let go, while every signal that ends a driver comes again.
+const TOLD_TWICE: &str = r#"
+import os, sys, display
+def drive(levels, why):
+    print(why, "begins", flush=True)
+    if why == "stopped":
+        for number in display.ENDING:
+            os.kill(os.getpid(), number)
+    print(why, "ends", flush=True)
+display.drive = drive
+sys.exit(display.main())
+"#;
+
+#[test]
+fn a_second_signal_does_not_keep_the_display_in_python_from_letting_go() {
+    let path = std::env::join_paths([here("python"), here("../../examples")]).unwrap();
+    for signal in ["-INT", "-TERM", "-HUP", "-QUIT"] {
+        let Some(mut display) = python() else {
+            println!("SKIPPED: no python3 on this machine; examples/display.py was NOT run");
+            return;
+        };
+        display.env("PYTHONPATH", &path).stderr(Stdio::null());
+        // Nobody is there to be connected to.
+        display.args(["-c", TOLD_TWICE, "/nowhere"]);
+        let mut driver = Driver::start(display);
+        assert_eq!(driver.line(), "closed begins");
+        let pid = driver.child.id().to_string();
+        assert!(
+            Command::new("kill")
+                .args([signal, &pid])
+                .status()
+                .unwrap()
+                .success()
+        );
+        let mut rest = String::new();
+        driver.lines.read_to_string(&mut rest).unwrap();
+        let lines: Vec<&str> = rest.lines().collect();
+        assert!(
+            lines.ends_with(&["stopped begins", "stopped ends"]),
+            "{signal}: {rest}"
+        );
+        assert!(driver.child.wait().unwrap().success(), "{signal}");
+    }
+}
+
 #[test]
 fn drivers_say_how_they_are_run() {
     let says = |mut driver: Command, words: &str| {
