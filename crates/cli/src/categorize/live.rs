@@ -2,6 +2,7 @@
 
 use super::map_file::MapFile;
 use super::probe::Probe;
+use super::turns::Followed;
 use crate::client::live_lines::{Lines, every_frame};
 use crate::client::reconnect::with_daemon;
 use crate::notices;
@@ -9,10 +10,10 @@ use anyhow::{anyhow, bail, ensure};
 use serde::Serialize;
 use std::fmt;
 use std::path::Path;
-use taxel_hand::plural;
+use taxel_hand::{Freshness, plural};
 use taxel_palpation::Classifier;
 use taxel_sequence::{Aligned, Alignment, Motion, SequenceError, Touch};
-use taxel_wire::{EventKind, Hello, Kind, Received, Subscriber};
+use taxel_wire::{EventKind, Hello, Kind, RawTaxel, Received, Subscriber};
 
 /// Touches as they come: frames and marks in, categories out. No socket and no clock.
 pub(crate) struct Live {
@@ -233,13 +234,28 @@ pub(crate) fn follow(source: Source<'_>, mut live: Live, listener: &mut dyn List
     })
 }
 
+/// How far a taxel is above its baseline on each axis, also where it is pressed by more than half a turn.
+fn above(baseline: [f32; 3], reading: &RawTaxel, taxel: &mut Followed) -> [f64; 3] {
+    let is_new = taxel.is_new();
+    if reading.freshness != Freshness::Missing {
+        taxel.follow(reading.counts);
+    }
+    if is_new || !reading.contact {
+        taxel.rest(baseline);
+    }
+    let at = taxel.at();
+    std::array::from_fn(|axis| at[axis] - f64::from(baseline[axis]))
+}
+
 fn follow_one(subscriber: Subscriber, live: &mut Live, listener: &mut dyn Listener) -> anyhow::Result<()> {
     let values = live.grid.taxels;
     let mut subscriber = every_frame(subscriber)?;
     let mut newest = 0;
+    let mut followed: Vec<Followed> = Vec::new();
     loop {
         match subscriber.next()? {
             Received::Hello(hello) => {
+                followed.clear();
                 if let Some(told) = live.probe.meets(&hello.layout, hello.taxels.len())? {
                     notices::warn(&format!("taxel: {told}"));
                 }
@@ -262,12 +278,11 @@ fn follow_one(subscriber: Subscriber, live: &mut Live, listener: &mut dyn Listen
                         "the daemon sends no baselines (it is of version 1.0, or the hand has too many taxels)"
                     );
                 };
-                let pressed = raw
-                    .taxels()
-                    .zip(baselines)
-                    .map(|(taxel, baseline)| taxel.press(baseline));
+                followed.resize(raw.taxels().len(), Followed::default());
+                let readings = raw.taxels().zip(baselines).zip(&mut followed);
+                let pressed = readings.map(|((reading, baseline), taxel)| above(baseline, &reading, taxel));
                 let values = pressed.flat_map(|xyz| xyz.into_iter().skip(if one { 2 } else { 0 }));
-                live.handle_frame(header.t_ns, values.map(f64::from));
+                live.handle_frame(header.t_ns, values);
             }
             Received::Event(header, event) if event.event == EventKind::Mark => {
                 if let Some(touch) = live.handle_mark(header.t_ns, &event.message) {

@@ -12,6 +12,7 @@ mod report;
 mod sweep;
 mod touches;
 mod trial;
+mod turns;
 
 use crate::errors::wrong_use;
 use crate::piped_file::recording_parser;

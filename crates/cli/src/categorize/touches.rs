@@ -3,6 +3,7 @@
 use super::contact;
 use super::labels;
 use super::probe::Values;
+use super::turns::Followed;
 use crate::recordings::assumed;
 use crate::recordings::implausible_times;
 use crate::recordings::marks_file;
@@ -285,8 +286,9 @@ pub(super) fn places(
     Ok((0..frames.len()).map(|n| motion.at(n)).collect())
 }
 
-/// All values of a recording as signed numbers, and how many a frame has: magnitudes, or x y z of each taxel. Where a taxel has
-/// none, its last one is taken, before its first that, and that is said; 0 where it never has any.
+/// All values of a recording as signed numbers, and how many a frame has: magnitudes, or x y z of each taxel, round their turns.
+/// Where a taxel has none, or its chip does not answer, its last one is taken, before its first that, and that is said; 0 where
+/// it never has any.
 pub(super) fn values(recording: &Recording) -> (usize, Vec<f64>) {
     let counts = match recording.frames() {
         Recorded::Magnitudes(values) => return (recording.taxels(), values.clone()),
@@ -300,16 +302,35 @@ pub(super) fn values(recording: &Recording) -> (usize, Vec<f64>) {
         );
     }
     let taxels = recording.taxels();
-    let first = |taxel| counts.iter().skip(taxel).step_by(taxels).flatten().next();
-    let mut last: Vec<[u16; 3]> = (0..taxels)
-        .map(|taxel| first(taxel).copied().unwrap_or_default())
-        .collect();
-    let mut values = Vec::with_capacity(3 * counts.len());
+    let mut followed = vec![Followed::default(); taxels];
     for frame in counts.chunks_exact(taxels) {
-        for (last, counts) in last.iter_mut().zip(frame) {
-            *last = counts.unwrap_or(*last);
+        let given = followed.iter_mut().zip(frame);
+        given.for_each(|(taxel, counts)| counts.iter().for_each(|counts| taxel.look(*counts)));
+    }
+    for (n, taxel) in followed.iter_mut().enumerate() {
+        let mut given = counts.iter().skip(n).step_by(taxels).flatten();
+        if let Some(first) = given.find(|counts| !taxel.is_silent(**counts)) {
+            taxel.follow(*first);
         }
-        values.extend(last.as_flattened().iter().map(|count| f64::from(*count)));
+    }
+    let mut values = Vec::with_capacity(3 * counts.len());
+    let mut silent = 0;
+    for frame in counts.chunks_exact(taxels) {
+        for (taxel, counts) in followed.iter_mut().zip(frame) {
+            if let Some(counts) = counts {
+                silent += usize::from(taxel.is_silent(*counts));
+                taxel.follow(*counts);
+            }
+            values.extend(taxel.at());
+        }
+    }
+    if silent > 0 {
+        remark!(
+            "taxel: {}: {} of taxels are 0 or 65535 on every axis, as of a chip that does not answer; the last one of the same \
+             taxel is taken for each",
+            recording.name(),
+            plural(silent, "reading")
+        );
     }
     (3 * taxels, values)
 }

@@ -3,6 +3,7 @@
 use crate::categorize::recorded;
 use crate::{fails, succeeds};
 use serde_json::Value;
+use tempfile::TempDir;
 
 #[test]
 fn contact_leaves_out_touches_that_the_recording_begins_or_ends_in() {
@@ -160,4 +161,48 @@ fn a_manifest_of_several_phantoms_is_told_what_chooses_one() {
             assert!(err.contains(words), "{rows} {given:?}: {err}");
         }
     }
+}
+
+/// What is reported of six touches of two taxels whose counts rest at `rest`, and rise by 60,000 in the second class; some
+/// `readings` are given instead of what the taxel showed.
+fn of_counts(dir: &TempDir, rest: u32, readings: &[(usize, &str)]) -> (Value, String) {
+    let (mut frames, mut marks) = ("t_s,a_x,a_y,a_z,b_x,b_y,b_z\n".to_owned(), String::new());
+    let mut line = 0;
+    for touch in 0..6u32 {
+        let most = [20_000, 60_000][touch as usize % 2] + touch;
+        for step in 0..20u32 {
+            if step == 5 {
+                let label = ["soft", "hard"][touch as usize % 2];
+                marks += &format!("{},{touch} {label}\n", f64::from(line) / 30.0);
+            }
+            // Up and down again, each height for two frames.
+            let height = step.saturating_sub(5).min(20 - step) / 2;
+            let z = (rest + most * height / 4) % 65_536;
+            let shown = format!("100,200,{z}");
+            let reading = readings.iter().find(|(at, _)| *at == line as usize);
+            let reading = reading.map_or(&*shown, |(_, reading)| reading);
+            frames += &format!("{},{reading},100,200,300\n", f64::from(line) / 30.0);
+            line += 1;
+        }
+        marks += &format!("{},away\n", f64::from(line) / 30.0);
+    }
+    std::fs::write(dir.path().join("counts.csv"), frames).unwrap();
+    std::fs::write(dir.path().join("counts-marks.csv"), marks).unwrap();
+    let args = ["categorize", "counts.csv", "--marks", "counts-marks.csv"];
+    let (out, err) = succeeds(dir, &[&args[..], &["--classes", "2", "--json"]].concat());
+    (serde_json::from_str(&out).unwrap(), err)
+}
+
+#[test]
+fn counts_that_turn_over_are_followed_and_chips_that_do_not_answer_are_told() {
+    let dir = TempDir::new().unwrap();
+    let told = "of taxels are 0 or 65535 on every axis, as of a chip that does not answer";
+    let (wanted, err) = of_counts(&dir, 5_000, &[]);
+    assert!(wanted["accuracy"] == 1.0 && !err.contains(told), "{wanted} {err}");
+    let (turning, err) = of_counts(&dir, 13_000, &[]);
+    assert_eq!(turning, wanted, "{err}");
+    // Where the reading before is the same.
+    let (silent, err) = of_counts(&dir, 13_000, &[(8, "0,0,0"), (30, "65535,65535,65535")]);
+    assert_eq!(silent, wanted, "{err}");
+    assert!(err.contains(&format!("2 readings {told}")), "{err}");
 }
