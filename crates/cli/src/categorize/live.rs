@@ -1,13 +1,15 @@
 //! `taxel categorize --live MAP`: touch after touch into its category, beside a running daemon.
 
 use super::map_file::MapFile;
-use super::probe::Probe;
+use super::probe::{Probe, Values};
+use super::touches::FRAMES_BEFORE;
 use super::turns::Followed;
 use crate::client::live_lines::{Lines, every_frame};
 use crate::client::reconnect::with_daemon;
 use crate::notices;
 use anyhow::{anyhow, bail, ensure};
 use serde::Serialize;
+use std::collections::VecDeque;
 use std::fmt;
 use std::path::Path;
 use taxel_hand::{Freshness, plural};
@@ -25,6 +27,8 @@ pub(crate) struct Live {
     labels: Vec<Option<String>>,
     classifier: Classifier,
     until: String,
+    /// The newest frames, newest first, from which a touch of counts is counted; `None` where values are above the daemon's baseline.
+    before: Option<VecDeque<Vec<f64>>>,
     /// The touch at work.
     touch: Option<AtWork>,
 }
@@ -37,6 +41,9 @@ struct AtWork {
     end_ns: u64,
     /// Frames so far, of which those outside the map's steps are not kept.
     frames: usize,
+    /// What its values are above, where that is not the daemon's baseline; nothing before its first frame, if that is the
+    /// first of all.
+    rest: Option<Vec<f64>>,
 }
 
 /// A touch and its category: the keys of a TOUCH message, and the mark that began it.
@@ -79,6 +86,7 @@ impl Live {
             .motion
             .map(|[depth, radius]| Motion::new(depth, radius))
             .transpose()?;
+        let is_of_counts = map.values_are == Some(Values::Xyz);
         Ok(Self {
             probe: Probe::of(&map),
             grid: Aligned {
@@ -92,6 +100,7 @@ impl Live {
             },
             motion,
             rest_ns: map.rest_ms.map(|ms| (ms * 1e6) as u64).filter(|ns| *ns > 0),
+            before: is_of_counts.then(VecDeque::new),
             labels: map.labels,
             classifier: map.classifier,
             until: until.to_owned(),
@@ -99,14 +108,34 @@ impl Live {
         })
     }
 
-    /// Takes a frame: signed counts above baseline.
+    /// Takes a frame: counts as they are, where the map is of such, or above the daemon's baseline.
     fn handle_frame(&mut self, t_ns: u64, values: impl Iterator<Item = f64>) {
+        let Some(before) = &mut self.before else {
+            self.go_on(t_ns, values);
+            return;
+        };
+        let mut frame: Vec<f64> = values.collect();
+        before.truncate(FRAMES_BEFORE - 1);
+        before.push_front(frame.clone());
+        if let Some(touch) = &mut self.touch {
+            let rest = touch.rest.get_or_insert_with(|| frame.clone());
+            frame
+                .iter_mut()
+                .zip(rest)
+                .for_each(|(value, rest)| *value -= *rest);
+        }
+        self.go_on(t_ns, frame.into_iter());
+    }
+
+    /// Takes what is above rest.
+    fn go_on(&mut self, t_ns: u64, values: impl Iterator<Item = f64>) {
         let Some(AtWork {
             touch,
             start_ns,
             first_ns,
             end_ns,
             frames,
+            rest: _,
         }) = &mut self.touch
         else {
             return;
@@ -149,6 +178,7 @@ impl Live {
                 first_ns: None,
                 end_ns: t_ns,
                 frames: 0,
+                rest: self.before.as_ref().and_then(mean),
             });
         }
         ended.map(|ended| {
@@ -234,6 +264,18 @@ pub(crate) fn follow(source: Source<'_>, mut live: Live, listener: &mut dyn List
     })
 }
 
+/// The mean of frames; `None` of none.
+fn mean(frames: &VecDeque<Vec<f64>>) -> Option<Vec<f64>> {
+    let mut mean = vec![0.0; frames.front()?.len()];
+    for frame in frames {
+        let share = |value: &f64| value / frames.len() as f64;
+        mean.iter_mut()
+            .zip(frame)
+            .for_each(|(sum, value)| *sum += share(value));
+    }
+    Some(mean)
+}
+
 /// How far a taxel is above its baseline on each axis, also where it is pressed by more than half a turn.
 fn above(baseline: [f32; 3], reading: &RawTaxel, taxel: &mut Followed) -> [f64; 3] {
     let is_new = taxel.is_new();
@@ -255,7 +297,6 @@ fn follow_one(subscriber: Subscriber, live: &mut Live, listener: &mut dyn Listen
     loop {
         match subscriber.next()? {
             Received::Hello(hello) => {
-                followed.clear();
                 if let Some(told) = live.probe.meets(&hello.layout, hello.taxels.len())? {
                     notices::warn(&format!("taxel: {told}"));
                 }
@@ -278,9 +319,16 @@ fn follow_one(subscriber: Subscriber, live: &mut Live, listener: &mut dyn Listen
                         "the daemon sends no baselines (it is of version 1.0, or the hand has too many taxels)"
                     );
                 };
-                followed.resize(raw.taxels().len(), Followed::default());
+                if followed.len() != raw.taxels().len() {
+                    followed = vec![Followed::default(); raw.taxels().len()];
+                    live.before.iter_mut().for_each(VecDeque::clear);
+                }
                 let readings = raw.taxels().zip(baselines).zip(&mut followed);
-                let pressed = readings.map(|((reading, baseline), taxel)| above(baseline, &reading, taxel));
+                let is_above = live.before.is_none();
+                let pressed = readings.map(|((reading, baseline), taxel)| {
+                    let above = above(baseline, &reading, taxel);
+                    if is_above { above } else { taxel.at() }
+                });
                 let values = pressed.flat_map(|xyz| xyz.into_iter().skip(if one { 2 } else { 0 }));
                 live.handle_frame(header.t_ns, values);
             }
@@ -345,122 +393,4 @@ impl Categorised {
 }
 
 #[cfg(test)]
-mod tests {
-    use super::*;
-
-    fn live(rest_ms: Option<f64>) -> Live {
-        Live::new(MapFile::of_two_classes(rest_ms), "away").unwrap()
-    }
-
-    #[test]
-    fn a_touch_is_told_at_the_mark_that_ends_it() {
-        let mut live = live(Some(100.0));
-        assert!(live.handle_mark(1_000_000_000, "away").is_none());
-        assert!(live.handle_mark(2_000_000_000, "touch 3").is_none());
-        // Two frames a step; one while the probe moves, which is not taken.
-        for (ms, value) in [
-            (20, 10.0),
-            (70, 10.2),
-            (101, 999.0),
-            (120, 20.0),
-            (170, 20.2),
-            (220, 30.0),
-            (270, 30.2),
-        ] {
-            live.handle_frame(2_000_000_000 + ms * 1_000_000, std::iter::once(value));
-        }
-        let touch = live.handle_mark(2_300_000_000, "away").unwrap().unwrap();
-        assert_eq!(
-            (touch.category, touch.label.as_deref(), touch.unknown),
-            (0, Some("soft"), false)
-        );
-        assert_eq!((touch.start_ns, touch.end_ns), (2_000_000_000, 2_270_000_000));
-        assert_eq!((touch.mark.as_str(), touch.distances.len()), ("touch 3", 2));
-        // Frames between touches are of none.
-        live.handle_frame(2_400_000_000, std::iter::once(500.0));
-        assert!(live.handle_mark(3_000_000_000, "touch 4").is_none());
-    }
-
-    #[test]
-    fn a_touch_ends_where_the_next_begins_and_one_without_a_step_is_named() {
-        let mut live = live(None);
-        live.handle_mark(0, "a");
-        for value in [20.0, 40.0, 60.0] {
-            live.handle_frame(1, std::iter::once(value));
-        }
-        let touch = live.handle_mark(2, "b").unwrap().unwrap();
-        assert_eq!((touch.category, touch.label), (1, None));
-        live.handle_frame(3, std::iter::once(1.0));
-        let untold = live.handle_mark(4, "away").unwrap().unwrap_err();
-        let error = &untold.error;
-        assert!(error.contains("touch b: no frame at depth 1;"), "{error}");
-        assert!(error.contains("--step"), "{error}");
-        let line = serde_json::to_value(&untold).unwrap();
-        assert_eq!((&line["mark"], &line["unknown"]), (&"b".into(), &true.into()));
-        assert_eq!(
-            (&line["category"], &line["start_ns"], &line["end_ns"]),
-            (&serde_json::Value::Null, &2.into(), &3.into())
-        );
-        live.handle_mark(5, "c");
-        for value in [900.0, -900.0, 900.0] {
-            live.handle_frame(6, std::iter::once(value));
-        }
-        assert!(live.handle_mark(7, "away").unwrap().unwrap().unknown);
-    }
-
-    #[test]
-    fn a_touch_that_nobody_ends_keeps_what_its_steps_need_and_ends_with_its_last_frame() {
-        let by_time = || MapFile {
-            motion: None,
-            first: 0.0,
-            ..MapFile::of_two_classes(None)
-        };
-        for (map, is_told) in [
-            (by_time(), true),
-            (MapFile::of_two_classes(None), false),
-            (MapFile::of_two_classes(Some(100.0)), true),
-        ] {
-            let mut live = Live::new(map, "away").unwrap();
-            live.handle_mark(0, "on and on");
-            for ms in 0..100_000 {
-                live.handle_frame(ms * 1_000_000, std::iter::once(20.0));
-            }
-            let kept = live.touch.as_ref().unwrap().touch.at.len();
-            assert!(
-                (3..4000).contains(&kept) || !is_told && kept < 10,
-                "{kept} frames"
-            );
-            let touch = live.handle_mark(100_000_000_000, "away").unwrap();
-            assert_eq!(touch.unwrap().end_ns, 99_999_000_000);
-        }
-    }
-
-    #[test]
-    fn a_touch_while_the_baseline_is_measured_says_so() {
-        let mut live = live(None);
-        live.handle_mark(0, "touch 11 SD");
-        for value in [20.0, f64::NAN, 60.0] {
-            live.handle_frame(1, std::iter::once(value));
-        }
-        let error = live.handle_mark(2, "away").unwrap().unwrap_err().error;
-        assert!(error.contains("no baseline in a part of this touch"), "{error}");
-    }
-
-    #[test]
-    fn time_counts_from_the_first_frame_as_in_a_recording() {
-        let map = MapFile {
-            motion: None,
-            first: 0.0,
-            ..MapFile::of_two_classes(None)
-        };
-        let mut live = Live::new(map, "away").unwrap();
-        live.handle_mark(0, "late");
-        // The first frame comes most of a step after the mark.
-        for (ms, value) in [(450, 10.0), (950, 20.0), (1450, 30.0)] {
-            live.handle_frame(ms * 1_000_000, std::iter::once(value));
-        }
-        let touch = live.handle_mark(1_500_000_000, "away").unwrap().unwrap();
-        assert_eq!((touch.category, touch.unknown), (0, false));
-        assert_eq!((touch.start_ns, touch.end_ns), (0, 1_450_000_000));
-    }
-}
+mod tests;

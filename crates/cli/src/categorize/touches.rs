@@ -335,6 +335,9 @@ pub(super) fn values(recording: &Recording) -> (usize, Vec<f64>) {
     (3 * taxels, values)
 }
 
+/// Raw counts are taken from the mean of so many frames before a touch.
+pub(super) const FRAMES_BEFORE: usize = 5;
+
 /// Values less those of an untouched probe: raw counts are taken from the mean of the frames before the touch, up to
 /// five of them, or from its first frame where there is none; other numbers are above baseline already.
 pub(super) fn above_baseline(values: &[f64], taxels: usize, raw: bool, first: usize) -> Vec<f64> {
@@ -344,7 +347,7 @@ pub(super) fn above_baseline(values: &[f64], taxels: usize, raw: bool, first: us
     let before = if first == 0 {
         0..1
     } else {
-        first.saturating_sub(5)..first
+        first.saturating_sub(FRAMES_BEFORE)..first
     };
     let mut baseline = vec![0.0; taxels];
     for frame in values[before.start * taxels..before.end * taxels].chunks_exact(taxels) {
