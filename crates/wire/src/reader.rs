@@ -35,6 +35,8 @@ use std::time::{Duration, Instant};
 pub struct Subscriber {
     socket: OwnedFd,
     buffer: Vec<u8>,
+    /// Bytes in the buffer of the packet that was taken last.
+    packet_len: usize,
     text: Vec<u8>,
     unfinished_text: Option<Kind>,
     hello: Option<Hello>,
@@ -150,6 +152,7 @@ impl Subscriber {
         Self {
             socket,
             buffer: vec![0; MAX_MESSAGE],
+            packet_len: 0,
             text: Vec::new(),
             unfinished_text: None,
             hello: None,
@@ -226,6 +229,12 @@ impl Subscriber {
         }
     }
 
+    /// The bytes of the image, raw frame or other message that was received last, to be kept and [decoded](decode_packet)
+    /// again; none behind a text.
+    pub fn packet(&self) -> &[u8] {
+        &self.buffer[..self.packet_len]
+    }
+
     /// How long after its time of validity a message is being looked at, nanoseconds.
     ///
     /// None before HELLO has told the clock, and for recordings, whose clock tells no latency.
@@ -243,6 +252,7 @@ impl Subscriber {
 
     /// Receives packets until a message is whole; none by the deadline.
     fn receive(&mut self, deadline: Option<Instant>) -> Result<Option<Ready>, ReadError> {
+        self.packet_len = 0;
         loop {
             if let Some(deadline) = deadline
                 && !self.wait(deadline)?
@@ -330,6 +340,7 @@ impl Subscriber {
         match ready {
             Ready::Packet(len) => {
                 let message = decode_packet(&self.buffer[..len])?;
+                self.packet_len = len;
                 Ok(match message.body {
                     Body::Image(image) => Received::Image(message.header, image),
                     Body::Raw(raw) => Received::Raw(message.header, raw),

@@ -48,6 +48,7 @@ fn hello_comes_first_then_images_with_the_count_of_those_skipped() {
         Received::Hello(hello) => assert_eq!(*hello, vectors::hello()),
         other => panic!("{other:?}"),
     }
+    assert!(subscriber.packet().is_empty(), "a text has several");
     for (seq, skipped) in [(1, 0), (5, 3)] {
         match subscriber.next_timeout(LONG).unwrap().unwrap() {
             Received::Image(header, view) => {
@@ -57,6 +58,11 @@ fn hello_comes_first_then_images_with_the_count_of_those_skipped() {
             }
             other => panic!("{other:?}"),
         }
+        assert_eq!(
+            subscriber.packet(),
+            vectors::image_packet(&image(seq), skipped),
+            "to be kept"
+        );
     }
     assert_eq!(subscriber.hello(), Some(&vectors::hello()));
     assert!(subscriber.next_timeout(Duration::ZERO).unwrap().is_none());
