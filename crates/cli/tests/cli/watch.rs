@@ -1,12 +1,13 @@
 //! `taxel watch`: what a daemon publishes, line by line.
 
-use crate::{fails, simulated, succeeds, texts};
+use crate::{HANGS_AFTER, fails, simulated, succeeds, texts};
 use nix::sys::socket::{AddressFamily, Backlog, SockFlag, SockType, UnixAddr, bind, listen, socket};
 use serde_json::Value;
 use std::io::{BufRead, BufReader, ErrorKind, Write};
 use std::os::fd::{AsRawFd, OwnedFd};
 use std::os::unix::net::UnixStream;
 use std::process::{Command, Stdio};
+use std::time::{Duration, Instant};
 use tempfile::TempDir;
 
 #[test]
@@ -222,4 +223,129 @@ fn watch_waits_for_a_daemon_that_is_not_there_and_for_one_that_ended() {
     }
     child.kill().unwrap();
     child.wait().unwrap();
+}
+
+#[test]
+fn a_number_of_lines_is_printed_though_nobody_reads_them_yet() {
+    let dir = TempDir::new().unwrap();
+    let _daemon = simulated(dir.path(), "idle");
+    let mut child = Command::new(env!("CARGO_BIN_EXE_taxel"))
+        .args(["watch", "--socket", "images.sock", "--json", "--count", "3"])
+        .current_dir(dir.path())
+        .stdout(Stdio::piped())
+        .spawn()
+        .unwrap();
+    let began = Instant::now();
+    while child.try_wait().unwrap().is_none() {
+        if began.elapsed() > HANGS_AFTER {
+            child.kill().unwrap();
+            panic!("it waits for a reader");
+        }
+        std::thread::sleep(Duration::from_millis(10));
+    }
+    let lines = BufReader::new(child.stdout.take().unwrap()).lines();
+    assert_eq!(lines.count(), 3);
+}
+
+/// Lines of `taxel watch --json` with these options, of a hand that is pressed everywhere.
+fn pressed(dir: &TempDir, options: &[&str]) -> Vec<Value> {
+    let arguments = [&["watch", "--socket", "images.sock", "--json"], options].concat();
+    let (out, _) = succeeds(dir, &arguments);
+    let lines: Vec<Value> = out
+        .lines()
+        .map(|line| serde_json::from_str(line).unwrap())
+        .collect();
+    assert_eq!(lines.len(), 4, "{options:?}");
+    for pair in lines.windows(2) {
+        let skipped = pair[1]["seq"].as_u64().unwrap() - pair[0]["seq"].as_u64().unwrap() - 1;
+        assert_eq!(pair[1]["skipped"], skipped, "{options:?}");
+    }
+    lines
+}
+
+#[test]
+fn a_display_that_states_what_it_can_do_is_given_that_from_the_first_line_on() {
+    let dir = TempDir::new().unwrap();
+    let _daemon = simulated(dir.path(), "worst-case");
+    let mut watch = Command::new(env!("CARGO_BIN_EXE_taxel"))
+        .args(["watch", "--socket", "images.sock"])
+        .current_dir(dir.path())
+        .stdout(Stdio::piped())
+        .spawn()
+        .unwrap();
+    let mut lines = BufReader::new(watch.stdout.take().unwrap()).lines();
+    assert!(lines.any(|line| line.unwrap().contains("240 contacts")));
+    drop(lines);
+    watch.wait().unwrap();
+    let profile = r#"{"levels": 2, "actuators": 3}"#;
+    std::fs::write(dir.path().join("glove.json"), profile).unwrap();
+    for profile in [profile, "glove.json"] {
+        let lines = pressed(
+            &dir,
+            &["--count", "4", "--profile", profile, "--region", "index,thumb"],
+        );
+        for line in lines {
+            assert_eq!(line["contacts"], 112, "{line}");
+            let actuators = line["actuators"].as_array().unwrap();
+            assert!((1..=3).contains(&actuators.len()), "{line}");
+            assert_eq!(line["levels"].as_array().unwrap().len(), 2, "{line}");
+        }
+    }
+    let slow = pressed(&dir, &["--count", "4", "--max-rate", "5"]);
+    assert!(slow[3]["skipped"].as_u64().unwrap() > 0, "{slow:?}");
+}
+
+#[test]
+fn a_display_that_no_hand_can_serve_is_told_why() {
+    let dir = TempDir::new().unwrap();
+    let _daemon = simulated(dir.path(), "idle");
+    std::fs::write(dir.path().join("taxeld.toml"), "[profile]\nlevels = 4\n").unwrap();
+    for (options, code, words) in [
+        (
+            &["--region", "index,nose"][..],
+            1,
+            "taxeld refuses that: region: the hand has no part `nose`; it has index",
+        ),
+        (&["--region", "nose", "--reconnect"], 1, "has no part `nose`"),
+        (
+            &["--profile", r#"{"budgets": {"nose": 2}}"#],
+            1,
+            "taxeld refuses that: ",
+        ),
+        (
+            &["--profile", r#"{"levels": 400}"#],
+            1,
+            "taxel: --profile: levels = 400 is outside 1 to 255",
+        ),
+        (
+            &["--profile", r#"{"level": 4}"#],
+            1,
+            "unknown key `level`; did you mean `levels`",
+        ),
+        (
+            &["--profile", "{levels: 4}"],
+            1,
+            "a profile is a JSON object such as",
+        ),
+        (
+            &["--profile", "taxeld.toml"],
+            1,
+            "a part of the daemon's configuration",
+        ),
+        (
+            &["--profile", "nowhere.json"],
+            1,
+            "nowhere.json, which is neither a file nor a JSON object: No such file",
+        ),
+        (&["--max-rate", "0"], 2, "0 is no rate; give images per second"),
+        (&["--max-rate", "inf"], 2, "inf is no rate"),
+        (&["--max-rate", "5", "--every"], 2, "cannot be used with"),
+        (&["--hz", "--every"], 2, "cannot be used with"),
+        (&["--raw", "--region", "thumb"], 2, "cannot be used with"),
+        (&["--raw", "--profile", "{}"], 2, "cannot be used with"),
+    ] {
+        let arguments = [&["watch", "--socket", "images.sock", "--count", "1"], options].concat();
+        let told = fails(&dir, &arguments, code);
+        assert!(told.contains(words), "{options:?}: {told}");
+    }
 }
