@@ -18,7 +18,7 @@ def test_installed_it_waits_for_its_configuration_with_user_groups_and_kernel_se
     assert "watch" in run("bash", "-c", ". /usr/share/bash-completion/completions/taxel; complete -p taxel; type _taxel").stdout
     for page in ("man8/taxeld.8.gz", "man1/taxel.1.gz", "man1/taxel-watch.1.gz"):
         assert Path("/usr/share/man", page).exists()
-    for driver in ("display.c", "display.py", "display.rs"):
+    for driver in ("display.c", "display.js", "display.py", "display.rs"):
         assert Path("/usr/share/doc/taxeld/examples", driver).exists()
 
 
