@@ -3,7 +3,7 @@
 //
 //     node examples/display.js /run/taxeld/images.sock
 //
-// Node.js knows no socket of the daemon's type, so `taxel watch --json` reads it, as a child process; `taxel` is to be in
+// Node.js knows no socket of the daemon's type, so `taxel watch --json --newest` reads it, as a child process; `taxel` is to be in
 // PATH. Put your hardware into drive(), which is called with the levels of all pressing actuators, 1 to LEVELS, whenever
 // they change; it may return a promise. The newest image wins: what came while it was busy is passed over. When the newest
 // image is older than DEAD_MAN_MS everything is let go: a display must not press on what the hand no longer feels. The
@@ -87,7 +87,7 @@ if (process.argv.length !== 3) {
   process.exit(2);
 }
 const profile = JSON.stringify({ levels: LEVELS, actuators: ACTUATORS });
-const child = spawn("taxel", ["watch", "--json", "--reconnect", "--socket", process.argv[2], "--profile", profile], {
+const child = spawn("taxel", ["watch", "--json", "--newest", "--reconnect", "--socket", process.argv[2], "--profile", profile], {
   stdio: ["ignore", "pipe", "inherit"],
 });
 

@@ -69,7 +69,7 @@ def test_a_reader_that_stops_is_then_given_the_newest_and_the_count_of_what_it_m
 ):
     daemon = start(conditioning=DAEMON_SETTINGS, tick=NEVER_SILENT)
     driver = lockstep(daemon)
-    watch = Lines(ends(folder), taxel, "--socket", daemon.images, *kind)
+    watch = Lines(ends(folder), taxel, "--newest", "--socket", daemon.images, *kind)
     is_there = lambda reader: reader["pid"] == watch.process.pid and reader["raw"] == bool(kind)  # noqa: E731
     daemon.wait_status(lambda s: any(map(is_there, s["subscribers"])), "taxel watch does not subscribe")
     first, *frames = list(grasp(Touches.even(hand))) * 10
@@ -103,7 +103,7 @@ def test_every_line_is_kept_for_who_asks_for_it(start, lockstep, hand, taxel, fo
 def test_images_from_before_the_daemon_knows_the_display_make_no_lines(taxel, folder):
     with FakeDaemon() as daemon:
         daemon.answers = False
-        watch = Lines(pipe(folder), taxel, "--socket", daemon.path, "--profile", '{"levels": 2}')
+        watch = Lines(pipe(folder), taxel, "--newest", "--socket", daemon.path, "--profile", '{"levels": 2}')
         daemon.wait_for_subscribers(timeout=HANGS_AFTER_S)
         daemon.press([(1, 1, 8)])
         daemon.answers = True
@@ -115,7 +115,7 @@ def test_images_from_before_the_daemon_knows_the_display_make_no_lines(taxel, fo
 
 def test_the_newest_image_is_printed_when_the_daemon_has_gone(taxel, folder):
     with FakeDaemon() as daemon:
-        watch = Lines(pipe(folder), taxel, "--socket", daemon.path, stderr=subprocess.DEVNULL)
+        watch = Lines(pipe(folder), taxel, "--newest", "--socket", daemon.path, stderr=subprocess.DEVNULL)
         daemon.wait_for_subscribers(timeout=HANGS_AFTER_S)
         # The last of them waits for a reader.
         for level in (1, 2, 3):

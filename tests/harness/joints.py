@@ -28,7 +28,7 @@ class Watch:
         self.folder = daemon.folder
         self.told = (self.folder / "watch.log").open("wb")
         self.process = subprocess.Popen(
-            [binary("taxel"), "watch", "--json", "--every", "--socket", daemon.images, *options],
+            [binary("taxel"), "watch", "--json", "--socket", daemon.images, *options],
             stdout=subprocess.PIPE,
             stderr=self.told,
             text=True,

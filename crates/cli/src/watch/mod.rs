@@ -26,9 +26,9 @@ use taxel_wire::{Body, Clock, Header, Hello, ReadError, Received, Subscriber, de
 /// that press, the strongest force, and what is missing, faulty or was skipped because this reader
 /// was slow. What the daemon tells people (calibrating, paused) goes to stderr.
 ///
-/// A program that reads the lines through a pipe is given the newest: a line is written when the one
-/// before was read, and what was passed over for it counts as skipped. --every keeps all of them.
-/// With --count, and into a file, lines are written as they come.
+/// A pipe holds many lines: what a slow program reads may be seconds old. For a display there is
+/// --newest: a line is written when the one before was read, and what was passed over for it counts
+/// as skipped. For recordings there is --every.
 #[derive(Debug, clap::Args)]
 #[command(after_help = "\
 With --json each line is one object:
@@ -50,7 +50,7 @@ Examples:
   taxel watch --count 10
   taxel watch --json | jq .contacts
   taxel watch --json --every | gzip > images.jsonl.gz
-  taxel watch --json --reconnect --profile '{\"levels\": 4, \"actuators\": 5}' --region index,thumb
+  taxel watch --json --newest --reconnect --profile '{\"levels\": 4, \"actuators\": 5}' --region index,thumb
   taxel watch --raw --json --count 1 > counts.json
   taxel watch --hz --reconnect               is it still running, and how well
   taxel watch --socket /tmp/taxeld-1000/images.sock")]
@@ -74,8 +74,11 @@ pub(crate) struct Args {
     /// Wait for the daemon, at the start and whenever it is gone, instead of ending
     #[arg(long)]
     reconnect: bool,
-    /// Every image in order, also for a program that reads slowly: what it reads may be seconds old. For recordings and
-    /// analyses, not for displays
+    /// The newest image for a program that reads the lines through a pipe, a FIFO or a Unix socket, however slowly; what it
+    /// was too slow for is passed over. For displays
+    #[arg(long, conflicts_with_all = ["hz", "count", "every"])]
+    newest: bool,
+    /// Every image in order, also for a program that is too slow: the daemon keeps them. For recordings and analyses
     #[arg(long, conflicts_with_all = ["hz", "max_rate"])]
     every: bool,
     /// The most images per second, each when it is made, for a program that is slower than they are
@@ -96,10 +99,9 @@ fn count(text: &str) -> Result<u64, String> {
 }
 
 pub(crate) fn run(args: &Args) -> anyhow::Result<()> {
-    // Who asks for a number of lines may read them when that is reached.
-    let reader = match args.hz || args.every || args.count.is_some() {
-        true => None,
-        false => ReaderOfStdout::of(io::stdout()).context("stdout")?,
+    let reader = match args.newest {
+        true => ReaderOfStdout::of(io::stdout()).context("stdout")?,
+        false => None,
     };
     let mut watch = Watch {
         args,

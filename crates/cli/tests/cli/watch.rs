@@ -341,6 +341,7 @@ fn a_display_that_no_hand_can_serve_is_told_why() {
         (&["--max-rate", "inf"], 2, "inf is no rate"),
         (&["--max-rate", "5", "--every"], 2, "cannot be used with"),
         (&["--hz", "--every"], 2, "cannot be used with"),
+        (&["--newest"], 2, "cannot be used with"),
         (&["--raw", "--region", "thumb"], 2, "cannot be used with"),
         (&["--raw", "--profile", "{}"], 2, "cannot be used with"),
     ] {
