@@ -4,6 +4,7 @@
 //! `taxel compress` runs the same [`taxel_engine::Engine`] without any of the rest.
 
 mod arguments;
+mod claims;
 mod clients;
 mod control;
 mod descriptors;
@@ -146,6 +147,7 @@ impl Daemon {
                 let state = Rc::new(state());
                 tokio::task::spawn_local(sockets::serve(sockets, control, status, state.clone()));
                 tokio::task::spawn_local(reload::take_up(changed, state.clone()));
+                tokio::task::spawn_local(claims::watch(state.clone()));
                 tokio::select! {
                     _ = stopped => {}
                     () = supervise::watch(state) => {}

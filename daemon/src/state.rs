@@ -38,6 +38,8 @@ pub(crate) struct State {
     pub(crate) reload_refused: RefCell<Option<NotReloaded>>,
     /// The sockets that nobody can connect to, and why.
     pub(crate) sockets_lost: RefCell<Option<String>>,
+    /// Of each bus, the process of another taxeld that reads it, in words.
+    pub(crate) other_daemons: RefCell<Vec<Option<String>>>,
     /// Who is connected to the socket that only tells, and to the one for changes.
     pub(crate) looking: Rc<Places>,
     pub(crate) changing: Rc<Places>,
@@ -85,6 +87,7 @@ impl State {
             problems: RefCell::default(),
             reload_refused: RefCell::default(),
             sockets_lost: RefCell::default(),
+            other_daemons: RefCell::default(),
             looking: Rc::new(Places::new(most_clients)),
             changing: Rc::new(Places::new(most_clients)),
             changes: ChangeLog::default(),

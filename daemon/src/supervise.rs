@@ -292,11 +292,13 @@ fn report_problems(state: &State, now: &Snapshot, joints: Option<&JointsView>, b
             counters: bus.source,
             link: bus.link,
             unknown: bus.decoder.unknown,
+            obeyed: bus.decoder.obeyed,
             starting: state.starting(),
         })
         .collect();
     let refused = state.reload_refused.borrow();
     let sockets_lost = state.sockets_lost.borrow();
+    let other_daemons = state.other_daemons.borrow();
     let crowd = state.roster().crowd().map(|(places, holders)| Crowd {
         places,
         most: state.config.socket.max_subscribers.into(),
@@ -313,6 +315,7 @@ fn report_problems(state: &State, now: &Snapshot, joints: Option<&JointsView>, b
         boards_due,
         reload_refused: refused.as_ref(),
         sockets_lost: sockets_lost.as_deref(),
+        other_daemons: &other_daemons,
         crowd: crowd.as_ref(),
     };
     let news = (state.problems.borrow_mut()).handle_view(&state.config.hand_setup(), &view);

@@ -60,6 +60,36 @@ def test_a_second_daemon_on_the_same_socket_is_refused_and_the_first_goes_on(sta
     assert first.status()["images"]["made"] > 0
 
 
+def shared(daemon):
+    return [p["sentence"] for p in daemon.status()["problems"] if p["kind"] == "bus-shared"]
+
+
+def test_two_daemons_of_one_bus_both_say_so_until_one_of_them_ends(start):
+    first = start()
+    assert shared(first) == []
+    second = start()
+    for one, other in ((first, second), (second, first)):
+        eventually(lambda one=one: shared(one), "it is content", rest=2)
+        for sentence in shared(one):
+            assert f"process {other.process.pid}," in sentence and str(other.config) in sentence, sentence
+        one.report(2)
+        assert one.log.count("another taxeld on this machine reads udp:") == len(shared(one)), one.log
+    assert second.stop() == 0
+    eventually(lambda: shared(first) == [], "it is never over", rest=2)
+
+
+def test_a_command_to_a_board_that_the_daemon_has_not_sent_is_told_once(start, buses):
+    daemon = start(boards={"mode": "free-running"})
+    daemon.report(2)
+    assert shared(daemon) == [], "its own commands are taken for another's"
+    start_of_board_1 = can.Message(arbitration_id=0x201, data=[7, 0], is_extended_id=False)
+    buses.send((0, start_of_board_1) for _ in range(3))
+    told = eventually(lambda: shared(daemon), "it is content", rest=2)
+    assert len(told) == 1 and "another program on the bus tells its boards what to do" in told[0], told
+    daemon.report(2)
+    assert daemon.log.count("tells its boards what to do") == 1, daemon.log
+
+
 SPOILT = {
     "the control socket is removed": lambda daemon, _: daemon.control_path.unlink(),
     "the socket of images is removed": lambda daemon, _: daemon.images.unlink(),

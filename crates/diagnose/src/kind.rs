@@ -69,6 +69,8 @@ kinds! {
     ArrayLate "array-late" Warning,
     /// Two programs send frames of one pressure array.
     ArraySenders "array-senders" Error,
+    /// Another program reads a bus, or tells its boards what to do.
+    BusShared "bus-shared" Warning,
     /// No board of a bus speaks.
     BusSilent "bus-silent" Error,
     /// A board was never heard.

@@ -21,6 +21,7 @@ mod problems;
 mod rate_limiter;
 mod readers;
 mod reload;
+mod sharing;
 mod traffic;
 mod view;
 

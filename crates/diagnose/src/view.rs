@@ -47,6 +47,8 @@ pub struct HandView<'a> {
     pub reload_refused: Option<&'a NotReloaded>,
     /// The daemon's sockets that nobody can connect to any more, and why; `None` where all can be reached.
     pub sockets_lost: Option<&'a str>,
+    /// Of each bus, the process of another taxeld on this machine that reads it, in words; empty where nobody knows.
+    pub other_daemons: &'a [Option<String>],
     /// Who holds the places of readers where some are turned away; `None` where none are.
     pub crowd: Option<&'a Crowd>,
 }
@@ -60,6 +62,8 @@ pub struct BusView {
     pub link: LinkState,
     /// Frames that are nobody's in the layout.
     pub unknown: u64,
+    /// Commands that boards obey, which whoever looks has not sent itself.
+    pub obeyed: u64,
     /// What is done about boards that are silent.
     pub starting: Starting,
 }

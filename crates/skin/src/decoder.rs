@@ -61,6 +61,9 @@ pub struct BusCounters {
     pub not_data: u64,
     /// Commands to boards, their answers, and CySkin packets without values.
     pub commands: u64,
+    /// Of these, commands that a board obeys. A source does not hear what this program sends: they are of another program on
+    /// the bus, or in the recording.
+    pub obeyed: u64,
     /// Frames that are the beginning or the middle of a packet.
     pub partial: u64,
     /// Packets, not frames, that were begun and given up: a frame was lost, came late or did not
@@ -157,6 +160,7 @@ impl Decoder {
             }
             Kind::HubCommand => {
                 self.counters.commands += 1;
+                self.counters.obeyed += 1;
                 Decoded::Command
             }
             Kind::Taxel | Kind::Nobody => self.no_reading(id, entry.board, data),
@@ -238,8 +242,9 @@ impl Decoder {
                 self.boards[board as usize].queue_overflows += 1;
                 return Decoded::QueueOverflow { board };
             }
-            Some(MtbFrame::Command) => {
+            Some(kind @ (MtbFrame::Command | MtbFrame::Question)) => {
                 self.counters.commands += 1;
+                self.counters.obeyed += u64::from(kind == MtbFrame::Command);
                 return Decoded::Command;
             }
             None => {}

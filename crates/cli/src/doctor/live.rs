@@ -309,6 +309,7 @@ impl HandListener<'_> {
     fn judge(&mut self, bus_listener: &BusListener, now_ns: u64, boards_due: bool) {
         for (bus, facts) in self.buses.iter_mut().enumerate() {
             facts.counters = bus_listener.counters(bus);
+            facts.obeyed = self.engine.decoders()[bus].counters().obeyed;
             // A recording that was played to its end is no lost link.
             facts.link = match bus_listener.is_live() {
                 true => bus_listener.link(bus),
@@ -333,6 +334,7 @@ impl HandListener<'_> {
             boards_due,
             reload_refused: None,
             sockets_lost: None,
+            other_daemons: &[],
             crowd: None,
         };
         let _ = self.problems.handle_view(&self.setup, &view);

@@ -6,6 +6,7 @@ mod joints;
 mod potentiometers;
 mod serial_port;
 mod servo_answers;
+mod sharing;
 mod telling;
 
 use crate::{BusView, Crowd, HandSetup, HandView, JointsView, Kind, News, NotReloaded, Problems};
@@ -26,6 +27,7 @@ struct Known {
     unchanging: Vec<bool>,
     reload_refused: Option<NotReloaded>,
     sockets_lost: Option<&'static str>,
+    other_daemons: Vec<Option<String>>,
     crowd: Option<Crowd>,
 }
 
@@ -65,6 +67,7 @@ impl Bench {
                 unchanging: vec![false; layout.len()],
                 reload_refused: None,
                 sockets_lost: None,
+                other_daemons: Vec::new(),
                 crowd: None,
             },
             sources: sources.iter().map(|s| s.parse().expect("a source")).collect(),
@@ -106,6 +109,7 @@ impl Bench {
             boards_due: true,
             reload_refused: self.known.reload_refused.as_ref(),
             sockets_lost: self.known.sockets_lost,
+            other_daemons: &self.known.other_daemons,
             crowd: self.known.crowd.as_ref(),
         };
         self.said.extend(self.problems.handle_view(&setup, &view));

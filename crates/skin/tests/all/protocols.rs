@@ -182,6 +182,28 @@ fn other_frames_of_an_icub_bus_are_told_apart() {
 }
 
 #[test]
+fn of_commands_of_another_program_those_that_a_board_obeys_are_counted_and_questions_are_not() {
+    let layout = crate::support::icub("icub-mtb3", "");
+    let cases = [
+        ("201#0700", 1),
+        ("20F#0701", 1),
+        ("201#4D0032F5", 1),
+        ("201#50000F02000022", 1),
+        // Who is there, and that it is board 1.
+        ("201#1C0100", 0),
+        ("210#1C02110001000000", 0),
+        ("413#40F5F5F5F5F5F5F5", 0),
+    ];
+    for (text, obeyed) in cases {
+        let mut decoder = Decoder::new(&layout, 0);
+        let (decoded, _) = decode(&mut decoder, &layout, text);
+        let counters = decoder.counters();
+        assert_eq!(counters.obeyed, obeyed, "{text}");
+        assert_eq!(counters.commands, (decoded == Decoded::Command) as u64, "{text}");
+    }
+}
+
+#[test]
 fn an_mtb4_that_calibrates_itself_anew_is_reported_and_an_mtb3_does_not() {
     for (protocol, expected) in [("icub-mtb4", 2), ("icub-mtb3", 0)] {
         let layout = crate::support::icub(protocol, "");

@@ -33,6 +33,8 @@ pub(super) struct BusFacts {
     pub(super) frames: u64,
     pub(super) bits: [u64; 2],
     pub(super) counters: SourceCounters,
+    /// Commands to boards that the doctor has not sent.
+    pub(super) obeyed: u64,
     /// Frames that are nothing of this hand's, by id (extended ones with [`taxel_can::EXTENDED_FLAG`]).
     pub(super) unclaimed: BTreeMap<u32, Unclaimed>,
     /// Id of a frame of somebody who spoke before anything was sent.
@@ -61,6 +63,7 @@ impl BusFacts {
             counters: self.counters,
             link: self.link,
             unknown: self.unclaimed.values().map(|of_id| of_id.count).sum(),
+            obeyed: self.obeyed,
             starting: match (self.spoken_to, self.is_passive) {
                 (true, _) => Starting::Repeated,
                 (false, true) => Starting::ByOthers,

@@ -84,6 +84,7 @@ fn judged(facts: &HandFacts) -> Vec<NotedProblem> {
         boards_due: true,
         reload_refused: None,
         sockets_lost: None,
+        other_daemons: &[],
         crowd: None,
     };
     let mut problems = Problems::default();

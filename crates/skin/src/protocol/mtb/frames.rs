@@ -61,8 +61,10 @@ pub(crate) struct MtbBoards {
 pub(crate) enum MtbFrame {
     /// The board of this module threw its transmit queue away.
     QueueOverflow(u16),
-    /// A command, or the answer to one.
+    /// A command that a board obeys: to start, to stop, to set itself up.
     Command,
+    /// The question who is there, or the answer to it.
+    Question,
 }
 
 impl MtbBoards {
@@ -93,6 +95,9 @@ impl MtbBoards {
         let command = id & 0x7F0 == 0x200 && (start_or_stop || (to_configured && is_command(data)));
         let answer = data.len() == 8 && data[0] == GET_FW_VERSION;
         let answers = id & 0x70F == 0x200 && answer && self.configured[from];
-        (command || answers).then_some(MtbFrame::Command)
+        match command && data[0] & 0x7F != GET_FW_VERSION {
+            true => Some(MtbFrame::Command),
+            false => (command || answers).then_some(MtbFrame::Question),
+        }
     }
 }
