@@ -246,3 +246,14 @@ def test_the_sockets_of_the_own_daemon_come_before_the_systems(tmp_path, monkeyp
     own.parent.mkdir()
     own.touch()
     assert taxel.running_socket("images.sock") == own
+
+
+def test_a_service_of_one_hand_is_never_shown_another_ones(tmp_path, monkeypatch):
+    left, system = (tmp_path / folder / "images.sock" for folder in ("taxeld-left", "taxeld"))
+    monkeypatch.setattr("taxel.place.SYSTEM", system.parent)
+    monkeypatch.setenv("RUNTIME_DIRECTORY", str(left.parent))
+    for socket in left, system:
+        socket.parent.mkdir()
+    # Its own daemon is down, and the other hand's runs.
+    system.touch()
+    assert taxel.running_socket("images.sock") == left

@@ -134,9 +134,8 @@ const SYSTEM_DIRECTORY: &str = "/run/taxeld";
 ///
 /// In a service it is the folder that systemd has made for it (`RuntimeDirectory=`).
 fn default_directory() -> PathBuf {
-    if let Some(own) = std::env::var_os("RUNTIME_DIRECTORY").filter(|own| !own.is_empty()) {
-        // A service with several has them in one variable.
-        return own.to_string_lossy().split(':').next().unwrap_or_default().into();
+    if let Some(told) = told_directory() {
+        return told;
     }
     let is_ours = || nix::unistd::access(SYSTEM_DIRECTORY, AccessFlags::W_OK).is_ok();
     if nix::unistd::geteuid().is_root() || is_ours() {
@@ -149,13 +148,33 @@ fn default_directory() -> PathBuf {
     }
 }
 
-/// The socket of this name, such as `images.sock`, of the daemon that this user has started, or else of the system's.
+/// The folder that a service was told is that of its daemon's sockets, such as `/run/taxeld-left` for one of several hands.
+fn told_directory() -> Option<PathBuf> {
+    let told = std::env::var_os("RUNTIME_DIRECTORY").filter(|told| !told.is_empty())?;
+    // A service with several has them in one variable.
+    Some(
+        told.to_string_lossy()
+            .split(':')
+            .next()
+            .unwrap_or_default()
+            .into(),
+    )
+}
+
+/// The socket of this name, such as `images.sock`, of the daemon that this user has started, or else of the system's. Of a
+/// service (`RUNTIME_DIRECTORY`) it is its own daemon's also while that is down: the system's is another hand.
 pub fn running_socket(name: &str) -> PathBuf {
-    let own = default_directory().join(name);
-    if own.exists() || !Path::new(SYSTEM_DIRECTORY).is_dir() {
-        return own;
+    let system = Path::new(SYSTEM_DIRECTORY);
+    running_in(&default_directory(), told_directory().is_some(), system, name)
+}
+
+/// The socket in a daemon's own folder, or in the system's where it is not there, unless the former was told.
+fn running_in(own: &Path, is_told: bool, system: &Path, name: &str) -> PathBuf {
+    let socket = own.join(name);
+    match is_told || socket.exists() || !system.is_dir() {
+        true => socket,
+        false => system.join(name),
     }
-    Path::new(SYSTEM_DIRECTORY).join(name)
 }
 
 /// The sockets of the same name of other hands on this machine, each of which has a daemon of its own (`taxeld@left` in
@@ -170,7 +189,7 @@ pub fn other_hands(socket: &Path) -> Vec<(String, PathBuf)> {
         true => vec![folder],
         false => return Vec::new(),
     };
-    if folder != system && std::env::var_os("RUNTIME_DIRECTORY").is_none_or(|own| own.is_empty()) {
+    if folder != system && told_directory().is_none() {
         folders.push(system);
     }
     let mut hands: Vec<_> = folders.into_iter().flat_map(folders_of_hands).collect();
@@ -192,4 +211,27 @@ fn folders_of_hands(folder: &Path) -> Vec<(String, PathBuf)> {
         Some((hand.to_owned(), entry.path()))
     };
     entries.into_iter().flatten().flatten().filter_map(hand).collect()
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn the_daemon_of_a_service_is_never_the_one_of_another_hand() {
+        let folder = tempfile::tempdir().unwrap();
+        let [left, system] = ["taxeld-left", "taxeld"].map(|name| folder.path().join(name));
+        for folder in [&left, &system] {
+            std::fs::create_dir(folder).unwrap();
+        }
+        let running = |is_told| running_in(&left, is_told, &system, "images.sock");
+        let [own, other] = [&left, &system].map(|folder| folder.join("images.sock"));
+        // The left hand's daemon is down, and the other one runs.
+        std::fs::write(&other, "").unwrap();
+        assert_eq!(running(true), own);
+        // A user who has started none is shown the system's.
+        assert_eq!(running(false), other);
+        std::fs::write(&own, "").unwrap();
+        assert_eq!([running(true), running(false)], [own.clone(), own]);
+    }
 }
