@@ -193,6 +193,15 @@ impl JointSource {
     /// How each kind is written.
     pub const FORMS: [&str; 2] = ["dynamixel:DEVICE", "allegro:INTERFACE"];
 
+    /// Whether both read one thing: one serial port, by whichever link it is named, or one CAN bus.
+    pub fn is_same(&self, other: &Self) -> bool {
+        match (self, other) {
+            (Self::Dynamixel(one), Self::Dynamixel(other)) => is_one_device(&one.path, &other.path),
+            (Self::Allegro(one), Self::Allegro(other)) => one.bus == other.bus,
+            _ => false,
+        }
+    }
+
     /// What every kind of source can be asked.
     pub fn config(&self) -> &dyn SourceConfig {
         match self {

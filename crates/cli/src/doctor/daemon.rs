@@ -12,6 +12,7 @@ use std::time::Duration;
 use taxel_can::SourceAddress;
 use taxel_diagnose::Kind;
 use taxel_hand::{Fault, Faults, plural};
+use taxel_joints::JointSource;
 use taxel_skin::Layout;
 use taxel_wire::status::{BoardStatus, BusStatus, JointStatus, JointsStatus, ProblemStatus, Status};
 use taxel_wire::{check_socket_folder, connect_for_requests};
@@ -271,8 +272,9 @@ pub(crate) fn shared<'a>(status: &Status, sources: &'a [SourceAddress]) -> Vec<&
 /// Whether a daemon reads any of the buses or joints of a configuration.
 pub(super) fn has_any(status: &Status, config: &Config) -> bool {
     let joints = config.joints.as_ref().is_some_and(|joints| {
-        let theirs = status.joints.as_ref().map(|joints| joints.source.as_str());
-        theirs == Some(joints.source.to_string().as_str())
+        let theirs = status.joints.as_ref();
+        let theirs = theirs.and_then(|joints| joints.source.parse::<JointSource>().ok());
+        theirs.is_some_and(|theirs| theirs.is_same(&joints.source))
     });
     joints || !shared(status, &config.sources).is_empty()
 }
@@ -344,6 +346,18 @@ mod tests {
             config.joints = joints.map(|source: &str| JointsConfig::new(source.parse().unwrap()));
             assert_eq!(has_any(&status, &config), has, "{source} {joints:?}");
         }
+        // The port by another link.
+        let dir = tempfile::tempdir().unwrap();
+        let [port, by_id] = ["ttyUSB0", "usb-FTDI"].map(|name| dir.path().join(name));
+        std::fs::write(&port, "").unwrap();
+        std::os::unix::fs::symlink(&port, &by_id).unwrap();
+        let mut linked = running();
+        linked["joints"] = json!({ "source": format!("dynamixel:{}", port.display()) });
+        let mut config = Config::new(layout(), vec!["can:can1".parse().unwrap()]);
+        config.joints = Some(JointsConfig::new(
+            format!("dynamixel:{}", by_id.display()).parse().unwrap(),
+        ));
+        assert!(has_any(&parsed(linked), &config));
         // A recording is nobody's.
         let mut of_a_recording = running();
         of_a_recording["buses"][0]["source"] = "log:tap.log".into();
