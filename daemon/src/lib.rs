@@ -74,8 +74,12 @@ impl Daemon {
     /// An interface that does not exist yet is no error: the daemon waits for it. When this
     /// returns, subscribers can connect.
     pub fn start(config: Config) -> Result<Self, StartError> {
+        start_error::check_boards(&config)?;
         check_profile(&config.layout, &config.profile).map_err(StartError::ProfileUnfit)?;
         descriptors::raise_limit();
+        if let Some(sentence) = config.boardless_modules() {
+            tracing::warn!("{sentence}");
+        }
         if let Some(sentence) = config.unread_joints() {
             tracing::warn!("{sentence}");
         }

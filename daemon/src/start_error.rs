@@ -38,6 +38,12 @@ pub enum StartError {
     /// The hand cannot be read as configured.
     #[error(transparent)]
     Engine(#[from] EngineError),
+    /// There is nothing to be read.
+    #[error(
+        "no module of {0} has a board (`protocol = \"offline\"`), so that nothing of it can be read live; its recordings are \
+         read by `taxel compress`, `view` and the like, with `--config` or `--layout`"
+    )]
+    NoBoard(String),
     /// The daemon's own display profile does not fit the hand.
     #[error("{0}")]
     ProfileUnfit(String),
@@ -80,9 +86,11 @@ impl StartError {
     pub fn is_lasting(&self) -> bool {
         match self {
             Self::SocketPath(error) => error.is_lasting(),
-            Self::JointsBeside(_) | Self::Engine(_) | Self::ProfileUnfit(_) | Self::TooFewFiles { .. } => {
-                true
-            }
+            Self::JointsBeside(_)
+            | Self::Engine(_)
+            | Self::NoBoard(_)
+            | Self::ProfileUnfit(_)
+            | Self::TooFewFiles { .. } => true,
             Self::Source { is_lasting, .. } => *is_lasting,
             Self::At { error, .. } => error.is_lasting(),
             // A profile may be too dear only while the machine is busy.
@@ -119,6 +127,7 @@ pub fn check(config: &Config, text: &str, file: &Path) -> Result<(), StartError>
             checked => checked.map_err(|error| at(table, "group", error.into()))?,
         }
     }
+    check_boards(config).map_err(|error| at("", "layout", error))?;
     sources::check(config).map_err(|error| {
         let of = |name: &String| matches!(&error, StartError::Source { bus, .. } if bus == name);
         match config.layout.buses.iter().position(of) {
@@ -130,6 +139,15 @@ pub fn check(config: &Config, text: &str, file: &Path) -> Result<(), StartError>
         .map_err(|message| at("profile", &message, StartError::ProfileUnfit(message.clone())))?;
     Engine::new(&config.engine(true)?, 0)?;
     Ok(())
+}
+
+/// Refuses a hand of which nothing comes over any bus, of boards or of joints.
+pub(crate) fn check_boards(config: &Config) -> Result<(), StartError> {
+    let layout = &config.layout;
+    match layout.without_board().count() == layout.modules.len() && config.joints_bus().is_none() {
+        true => Err(StartError::NoBoard(layout.name.clone())),
+        false => Ok(()),
+    }
 }
 
 /// A stated socket that [`check`] leaves to the service, whose folder systemd makes, and why whoever checks could not

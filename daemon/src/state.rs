@@ -277,7 +277,7 @@ impl State {
             recent.lateness_us.p99 / 1e3,
             recent.age_us.p99 / 1e3,
             links.join(", "),
-            self.config.layout.modules.len(),
+            self.config.layout.modules.len() - self.config.layout.without_board().count(),
             self.roster().subscribers(),
             (self.problems.borrow().summary()).map_or(String::new(), |problems| format!(", {problems}")),
             if calibrating {

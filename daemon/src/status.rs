@@ -71,6 +71,7 @@ impl State {
                 .map(|(index, bus)| self.bus_status(index, bus, &snapshot, &problems))
                 .collect(),
             boards: (layout.boards().zip(&snapshot.boards))
+                .filter(|((_, _, wiring), _)| wiring.protocol.has_board())
                 .map(|((index, module, wiring), board)| BoardStatus {
                     module: module.name.clone(),
                     bus: layout.buses[usize::from(wiring.bus)].clone(),

@@ -344,7 +344,8 @@ fn call_roll(state: &State, now: Option<&Snapshot>) {
     let heard = (now.boards.iter())
         .filter(|board| board.state != BoardState::NeverSeen)
         .count();
-    match layout.modules.len() {
+    match layout.modules.len() - layout.without_board().count() {
+        0 => {}
         1 if heard == 1 => tracing::info!("its board speaks"),
         boards if boards == heard => tracing::info!("all {boards} boards speak"),
         boards => tracing::warn!("{heard} of {} speak so far", plural(boards, "board")),

@@ -210,6 +210,32 @@ fn what_is_wrong_is_one_line_though_the_environment_asks_for_backtraces() {
     }
 }
 
+#[test]
+fn a_hand_without_any_board_is_refused_since_nothing_of_it_comes_live() {
+    let folder = tempfile::tempdir().unwrap();
+    let path = folder.path().join("taxeld.toml");
+    let sockets = format!(
+        "[socket]\nimages = '{0}/i.sock'\ncontrol = '{0}/c.sock'\n",
+        folder.path().display()
+    );
+    std::fs::write(
+        &path,
+        format!("# a hand in recordings\nlayout = 'schunk-sdh'\n{sockets}"),
+    )
+    .unwrap();
+    for (check, place) in [(true, "taxeld.toml:2: "), (false, "Error: ")] {
+        let mut taxeld = Command::new(env!("CARGO_BIN_EXE_taxeld"));
+        taxeld.arg("--config").arg(&path).args(check.then_some("--check"));
+        let output = taxeld.output().unwrap();
+        let said = String::from_utf8(output.stderr).unwrap();
+        assert_eq!(output.status.code(), Some(78), "{said}");
+        assert!(
+            said.contains(&format!("{place}no module of schunk-sdh has a board")),
+            "{said}"
+        );
+    }
+}
+
 /// A stderr or stdout that takes nothing: a full disk, and a pipe whose reader has gone.
 fn taking_nothing() -> [Stdio; 2] {
     let full = OpenOptions::new().write(true).open("/dev/full").unwrap();

@@ -10,7 +10,7 @@ import taxel_reader
 from conditioning import DAEMON_SETTINGS
 from harness.bus import MulticastBuses
 from harness.compare import fits_the_counts
-from harness.daemon import HANGS_AFTER_S
+from harness.daemon import HANGS_AFTER_S, eventually
 from harness.hand import LAYOUTS
 
 
@@ -181,3 +181,20 @@ def test_boards_that_are_gone_are_told_and_started_from_the_beginning_when_they_
     simulate("idle")
     daemon.wait_status(state("living"), "boards that are back are not configured and started")
     assert daemon.status()["boards"][0]["restarts"] > 0
+
+
+def test_modules_without_a_board_are_no_boards_that_are_silent(start, folder, buses, play):
+    own = folder / "mix.toml"
+    own.write_text(
+        'name = "mix"\nimage = { width = 8, height = 4 }\nbuses = ["can0"]\n'
+        '[[module]]\nname = "b"\npart = "p"\nprotocol = "offline"\nat = [4, 0]\norder = [[0, 1], [2, 3]]\n'
+        '[[module]]\nname = "a"\npart = "p"\nbus = "can0"\nboard = 1\nprotocol = "uskin-l1"\nat = [0, 0]\n'
+    )
+    daemon = start(layout=own, boards={"mode": "free-running"})
+    play("idle", buses.sources, "--layout", "uskin-module")
+    status = daemon.wait_status(lambda s: [b["state"] for b in s["boards"]] == ["living"], "its board does not speak")
+    assert [b["module"] for b in status["boards"]] == ["a"] and status["missing"] == 4, status
+    daemon.report(3)
+    assert daemon.status()["problems"] == [], daemon.log
+    eventually(lambda: "its board speaks" in daemon.log, lambda: f"boards that are none are waited for\n{daemon.log}")
+    assert "module b has no board" in daemon.log

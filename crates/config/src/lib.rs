@@ -3,6 +3,7 @@
 //! A crate of its own because most of its code is made by derive: it is compiled once, without optimisation, and not
 //! again with each change of the daemon.
 
+mod boardless;
 mod buses;
 mod place;
 mod sockets;

@@ -2,15 +2,20 @@
 
 use toml::de::{DeTable, DeValue};
 
-/// The line, from 1, of the key in `table` that a message names first, as that of a value outside its range does; `None`
+/// The line, from 1, of the key in `table`, or at the top where that is empty, that a message names first, as that of a value outside its range does; `None`
 /// where there is no such key.
 pub fn line_of(text: &str, table: &str, message: &str) -> Option<usize> {
     let file = DeTable::parse(text).ok()?;
     let file = file.get_ref();
     let offset = entry_of_list(file, message).or_else(|| {
         let mut keys = Vec::new();
-        if let DeValue::Table(table) = file.get(table)?.get_ref() {
-            keys_of(table, &mut keys);
+        match table {
+            "" => keys_of(file, &mut keys),
+            name => {
+                if let DeValue::Table(table) = file.get(name)?.get_ref() {
+                    keys_of(table, &mut keys);
+                }
+            }
         }
         words(message).find_map(|word| keys.iter().find(|(key, _)| *key == word).map(|(_, at)| *at))
     })?;
@@ -102,6 +107,7 @@ version = 9
             ("joints", "joints.servo[0].homing_rad = 9 is outside", Some(16)),
             ("joints", "joints.allegro.version = 9", Some(20)),
             ("bus", "bus[1].source", Some(5)),
+            ("", "layout", Some(1)),
         ] {
             assert_eq!(line_of(text, table, message), line, "{message}");
         }

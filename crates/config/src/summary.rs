@@ -26,6 +26,9 @@ impl Config {
                 joints.source
             );
         }
+        if let Some(sentence) = self.boardless_modules() {
+            text += &format!("  {sentence}\n");
+        }
         if let Some(sentence) = self.unread_joints() {
             text += &format!("  {sentence}\n");
         }

@@ -150,8 +150,15 @@ pub(crate) fn judge(look: &Look<'_>, steadiness: &mut Steadiness, found: &mut Ve
             // Told of the bus; that its boards are silent says nothing of them.
             continue;
         }
-        let boards = || (0..layout.modules.len()).filter(|m| usize::from(layout.wiring[*m].bus) == index);
+        let is_here = |m: &usize| {
+            let wiring = &layout.wiring[*m];
+            wiring.protocol.has_board() && usize::from(wiring.bus) == index
+        };
+        let boards = || (0..layout.modules.len()).filter(is_here);
         let here: Vec<usize> = boards().collect();
+        if here.is_empty() {
+            continue;
+        }
         let is_late = array::is_late(found, index);
         let malformed: Vec<usize> = (here.iter().copied())
             .filter(|m| malformed::is_told(found, *m))

@@ -362,3 +362,16 @@ fn boards_that_do_not_speak_do_not_go_on_where_all_others_fall_silent() {
     });
     assert_eq!(bench.kinds(), ["board-unheard"; 4]);
 }
+
+#[test]
+fn a_module_without_a_board_is_no_board_that_is_silent() {
+    let text = "name = \"mix\"\nimage = { width = 8, height = 4 }\nbuses = [\"can0\"]\n\
+        [[module]]\nname = \"b\"\npart = \"p\"\nprotocol = \"offline\"\nat = [4, 0]\norder = [[0, 1], [2, 3]]\n\
+        [[module]]\nname = \"a\"\npart = \"p\"\nbus = \"can0\"\nboard = 1\nprotocol = \"uskin-l1\"\nat = [0, 0]\n";
+    let mut bench = Bench::of(Layout::parse(text, "mix.toml").unwrap(), &["can:can0"]);
+    bench.pass(1000, |s| s.boards[0].state = BoardState::NeverSeen);
+    assert_eq!(bench.kinds(), [""; 0]);
+    bench.pass(1000, |s| s.boards[1].state = BoardState::NeverSeen);
+    assert_eq!(bench.kinds(), ["board-unheard"], "not as one bus of two boards");
+    assert_eq!(bench.modules(0), ["a"]);
+}

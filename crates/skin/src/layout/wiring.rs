@@ -92,6 +92,14 @@ impl Layout {
             .map(|((index, module), wiring)| (index, module, wiring))
     }
 
+    /// The modules that have no board, whose taxels are columns of an array in a file alone.
+    pub fn without_board(&self) -> impl Iterator<Item = &Module> {
+        let of_file = self
+            .boards()
+            .filter(|(_, _, wiring)| !wiring.protocol.has_board());
+        of_file.map(|(_, module, _)| module)
+    }
+
     /// How the board of the module that a taxel belongs to is wired. `taxel` is below [`Geometry::len`].
     pub fn wiring_of(&self, taxel: usize) -> &Wiring {
         &self.wiring[usize::from(self.taxels[taxel].module)]
