@@ -96,7 +96,9 @@ pub(crate) fn run(args: &Args) -> anyhow::Result<()> {
         may_write(&args.out, args.force, &answers)?;
     }
     let buses = find_buses(args, Path::new("/"), &answers)?;
-    let found = find_boards(args, &buses, &answers, &interrupt)?;
+    let named = args.layout.as_deref().filter(|layout| *layout != NEW);
+    let named = named.map(Layout::resolve).transpose()?;
+    let found = find_boards(args, &buses, named.as_ref(), &answers, &interrupt)?;
     let name = args.out.file_stem().unwrap_or_default().to_string_lossy();
     let heard = Heard::new(&buses, &found, &name)?.context(
         "no board was recognised, so there is nothing to set up; `taxel doctor` looks at the buses",
@@ -264,15 +266,25 @@ fn interface(source: &SourceAddress) -> Option<String> {
     }
 }
 
-/// Listens, and starts boards that wait for it, where that is allowed; says what was found.
+/// Listens, and starts boards that wait for it, where that is allowed; says what was found. Of the layout that was `named`
+/// also boards with too few taxels to be recognised are.
 fn find_boards(
     args: &Args,
     buses: &[Bus],
+    named: Option<&Layout>,
     answers: &Answers,
     interrupt: &Interrupt,
 ) -> anyhow::Result<Recognition> {
     let seconds = args.seconds.as_secs_f64();
-    let (mut found, mut asked) = scan::hear(buses, seconds, false, interrupt.clone())?;
+    let hear = |start| {
+        let (mut found, asked) = scan::hear(buses, seconds, start, interrupt.clone())?;
+        // Boards of one's own may have too few taxels to be known by themselves.
+        if let Some(layout) = named {
+            found.take_boards_of(layout);
+        }
+        anyhow::Ok((found, asked))
+    };
+    let (mut found, mut asked) = hear(false)?;
     let silent: Vec<&str> = buses
         .iter()
         .zip(&found.buses)
@@ -285,7 +297,7 @@ fn find_boards(
             silent.join(", ")
         );
         if answers.confirm(&question, true)? {
-            (found, asked) = scan::hear(buses, seconds, true, interrupt.clone())?;
+            (found, asked) = hear(true)?;
         }
     }
     for (number, (bus, found)) in (0u8..).zip(buses.iter().zip(&found.buses)) {

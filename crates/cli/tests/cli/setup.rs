@@ -238,3 +238,49 @@ fn a_daemon_is_to_be_stopped_only_where_it_reads_one_of_the_buses() {
     assert!(!said.contains("A daemon"), "{said}");
     daemon.stop().unwrap();
 }
+
+#[test]
+fn boards_with_a_few_taxels_are_those_of_the_layout_that_is_named() {
+    let dir = TempDir::new().unwrap();
+    let module = |name: &str, board, at| {
+        format!(
+            "[[module]]\nname = \"{name}\"\npart = \"p\"\nbus = \"can0\"\nboard = {board}\nprotocol = \"uskin-l2\"\n\
+             at = [{at}, 0]\norder = [[0, 1]]\n"
+        )
+    };
+    let head = "name = \"two\"\nimage = { width = 4, height = 1 }\nbuses = [\"can0\"]\n";
+    let text = format!("{head}{}{}", module("a", 3, 0), module("b", 1, 2));
+    fs::write(dir.path().join("two.toml"), text).unwrap();
+    let sweeps: String = (0..50)
+        .flat_map(|sweep| ["300", "301", "100", "101"].map(|id| (sweep, id)))
+        .map(|(sweep, id)| format!("(0.{:06}) can0 {id}#0080008000800083\n", 20_000 * sweep))
+        .collect();
+    fs::write(dir.path().join("tips.log"), sweeps).unwrap();
+    let setup = |layout| {
+        [
+            "setup",
+            "log:tips.log",
+            "--layout",
+            layout,
+            "--no-touch",
+            "--joints",
+            "none",
+            "--yes",
+        ]
+    };
+    let said = fails(&dir, &setup("new"), 1);
+    assert!(said.contains("nobody known"), "{said}");
+    let (_, said) = succeeds(&dir, &setup("two.toml"));
+    assert!(
+        said.contains("2 boards of uskin-l2: 1 (2), 3 (2)") && !said.contains("nobody known"),
+        "{said}"
+    );
+    let config = taxeld::Config::load(&dir.path().join("taxeld.toml")).unwrap();
+    assert_eq!(config.layout, Layout::load(&dir.path().join("two.toml")).unwrap());
+    // Another board's.
+    fs::remove_file(dir.path().join("taxeld.toml")).unwrap();
+    let other = format!("{head}{}{}", module("a", 4, 0), module("b", 5, 2));
+    fs::write(dir.path().join("two.toml"), other).unwrap();
+    let said = fails(&dir, &setup("two.toml"), 1);
+    assert!(said.contains("nobody known"), "{said}");
+}

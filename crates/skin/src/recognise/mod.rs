@@ -11,6 +11,7 @@ mod allegro;
 mod array;
 mod conflicts;
 mod found;
+mod of_layout;
 mod propose;
 
 pub use found::Recognition;
