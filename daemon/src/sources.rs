@@ -115,6 +115,11 @@ fn open_one(
         is_lasting,
         error,
     };
+    if let SourceAddress::Log { path, .. } = address
+        && let Some(sentence) = sought_in_vain(path)
+    {
+        return Err(fail(true, sentence.into()));
+    }
     match address {
         SourceAddress::Sim { scene } => {
             open_scene(scene, config, bus as u8, options.start_ns).map_err(|error| fail(true, error))
@@ -144,6 +149,18 @@ fn open_one(
             fail(is_lasting, error.into())
         }),
     }
+}
+
+/// Where a recording was looked for that is named without its folder and is not there, in a sentence.
+fn sought_in_vain(path: &Path) -> Option<String> {
+    let is_there = path.is_absolute() || path.try_exists().unwrap_or(true);
+    let folder = std::env::current_dir().ok().filter(|_| !is_there)?;
+    Some(format!(
+        "there is no {} in {}, the folder in which this was started: a recording is looked for there, and not beside the \
+         configuration; write its whole path",
+        path.display(),
+        folder.display()
+    ))
 }
 
 /// The interfaces of a recording, the first of them where there are many.

@@ -211,6 +211,34 @@ fn what_is_wrong_is_one_line_though_the_environment_asks_for_backtraces() {
 }
 
 #[test]
+fn a_recording_that_is_not_there_is_told_with_the_folder_in_which_it_was_looked_for() {
+    let folder = tempfile::tempdir().unwrap();
+    let at = |name: &str| folder.path().join(name);
+    std::fs::create_dir(at("elsewhere")).unwrap();
+    // Beside the configuration it is.
+    std::fs::write(at("c.log"), "(0.000000) can0 201#0700\n").unwrap();
+    let text = "layout = 'uskin-module'\n[[bus]]\nsource = 'log:c.log'\n";
+    std::fs::write(at("taxeld.toml"), text).unwrap();
+    for check in [true, false] {
+        let mut taxeld = Command::new(env!("CARGO_BIN_EXE_taxeld"));
+        taxeld
+            .arg("--config")
+            .arg(at("taxeld.toml"))
+            .args(check.then_some("--check"));
+        let output = taxeld
+            .current_dir(at("elsewhere"))
+            .env("RUNTIME_DIRECTORY", at("run"))
+            .output()
+            .unwrap();
+        let said = String::from_utf8(output.stderr).unwrap();
+        assert_eq!(output.status.code(), Some(78), "{said}");
+        let elsewhere = at("elsewhere").canonicalize().unwrap();
+        let place = format!("there is no c.log in {}", elsewhere.display());
+        assert!(said.contains(&place) && said.contains("whole path"), "{said}");
+    }
+}
+
+#[test]
 fn a_hand_without_any_board_is_refused_since_nothing_of_it_comes_live() {
     let folder = tempfile::tempdir().unwrap();
     let path = folder.path().join("taxeld.toml");

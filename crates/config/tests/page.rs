@@ -149,7 +149,7 @@ Only `[[bus]]` is required, and only by what reads a bus:
 | key | default | meaning |
 |---|---|---|
 | `layout` | `\"allegro-uskin-15\"` | The hand: a built-in one (`taxel layouts`), or a layout file, beside this file or with its path. |
-| `[[bus]]` `source` | | One table for each bus of the layout, in its order: `can:INTERFACE`, `udp:GROUP:PORT`, `log:FILE` (the interface of the bus's name, or the only one; `?interface=can1` for another), `sim:SCENE`; for a pressure array the socket that its frames are sent to, `pressure:PATH`. |
+| `[[bus]]` `source` | | One table for each bus of the layout, in its order: `can:INTERFACE`, `udp:GROUP:PORT`, `log:FILE` (the interface of the bus's name, or the only one; `?interface=can1` for another; without a folder, in the one in which taxeld is started), `sim:SCENE`; for a pressure array the socket that its frames are sent to, `pressure:PATH`. |
 ";
 
 fn page() -> String {
