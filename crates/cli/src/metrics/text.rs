@@ -420,6 +420,26 @@ mod tests {
     }
 
     #[test]
+    fn of_several_hands_the_dashboard_shows_those_that_are_chosen_and_each_line_says_which() {
+        let dashboard: Value = serde_json::from_str(DASHBOARD).unwrap();
+        let panels = dashboard["panels"].as_array().unwrap();
+        let targets = panels
+            .iter()
+            .flat_map(|panel| panel["targets"].as_array().unwrap());
+        for target in targets {
+            let [expr, legend] = ["expr", "legendFormat"].map(|key| target[key].as_str().unwrap());
+            let (metrics, chosen) = (expr.matches("taxeld_"), expr.matches("{instance=~\"$instance\"}"));
+            assert_eq!(metrics.count(), chosen.count(), "{expr}");
+            assert!(legend.starts_with("{{instance}}"), "{legend}");
+        }
+        let summaries: Vec<&str> = ALERTS.lines().filter(|line| line.contains(" summary:")).collect();
+        assert!(summaries.len() >= 6, "{summaries:?}");
+        for summary in summaries {
+            assert!(summary.contains("$labels.instance"), "{summary}");
+        }
+    }
+
+    #[test]
     fn the_alerts_ask_for_kinds_of_problems_that_there_are() {
         let (_, kinds) = ALERTS.split_once("kind=~\"").unwrap();
         let (kinds, _) = kinds.split_once('"').unwrap();
