@@ -147,3 +147,19 @@ def test_a_damaged_file_is_refused_with_the_place(tmp_path):
 def test_a_file_without_images_has_none(tmp_path):
     (tmp_path / "a.jsonl").write_text("")
     assert len(taxel.load(tmp_path / "a.jsonl")) == 0
+
+
+def test_a_last_line_that_is_torn_is_left_out_and_said(tmp_path):
+    path = tmp_path / "day.jsonl"
+    whole = "".join(f"{json.dumps(line)}\n" for line in (LINE, EMPTY))
+    # As where the power went, in the middle of a line or of a character.
+    for torn in (json.dumps(LINE)[:40].encode(), b"{", b'{"caf\xc3'):
+        path.write_bytes(whole.encode() + torn)
+        with pytest.warns(UserWarning, match="day.jsonl:3: torn, and left out"):
+            check(taxel.load(path))
+    # A whole one without the end of its line is no torn one, and one with it is damaged.
+    path.write_text(whole.rstrip("\n"))
+    check(taxel.load(path))
+    path.write_text(f"{whole}{{\n")
+    with pytest.raises(ValueError, match="day.jsonl:3: no image"):
+        taxel.load(path)

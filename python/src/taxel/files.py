@@ -3,6 +3,7 @@
 import json
 import operator
 import os
+import warnings
 import zipfile
 from dataclasses import dataclass, fields
 from pathlib import Path as FilePath
@@ -72,7 +73,8 @@ def load(path: Path) -> Images:
     """Reads a .npz or .bin of `taxel compress`, a .npz of `taxel convert --images`, or a .jsonl of `taxel compress` or
     `taxel watch --json`. `load_frames` reads frames.
 
-    Raises OSError, and ValueError with the file, and the line or byte, for what is no such file.
+    A last line of a .jsonl that is torn is left out, with a warning. Raises OSError, and ValueError with the file, and the
+    line or byte, for what is no such file.
     """
     name = os.fsdecode(path)
     readers = {".npz": _npz, ".jsonl": _jsonl, ".bin": _bin}
@@ -136,16 +138,30 @@ def _jsonl(name: str) -> Images:
 
 
 def _lines(name: str) -> Iterator[Tuple[str, messages.Image]]:
+    is_first = True
     with open(name, "rb") as file:
         for number, line in enumerate(file, 1):
             if not line.strip():
                 continue
             place = f"{name}:{number}"
             try:
-                image = _of_object(json.loads(line))
+                value = json.loads(line)
+            except ValueError as error:
+                if not is_first and not line.endswith(b"\n"):
+                    # Whoever wrote it was killed, or its machine lost its power.
+                    warnings.warn(f"{place}: torn, and left out", stacklevel=2)
+                    return
+                raise _no_image(place, error) from None
+            try:
+                image = _of_object(value)
             except (ValueError, KeyError, TypeError, OverflowError) as error:
-                raise ValueError(f"{place}: no image as `taxel watch --json` prints one: {error!r}") from None
+                raise _no_image(place, error) from None
+            is_first = False
             yield place, image
+
+
+def _no_image(place: str, error: Exception) -> ValueError:
+    return ValueError(f"{place}: no image as `taxel watch --json` prints one: {error!r}")
 
 
 def _of_object(value: Any) -> messages.Image:
