@@ -3,6 +3,7 @@
 use crate::csv_clock::{self, is_clock, time_ns, unit_beyond_seconds, unit_since_1970};
 use crate::csv_columns::{LineColumns, cell, is_unnamed};
 use crate::csv_lines::{LINE_BYTES, Lines, unreadable};
+use crate::csv_preamble::{has_number, table_begin};
 use crate::error::RecordError;
 use crate::numpy::npy::MAX_NUMBERS;
 use crate::table::{ColumnNames, Columns, ReadOptions, Table};
@@ -116,11 +117,17 @@ pub(crate) fn read(path: &Path, options: &ReadOptions) -> Result<Table, RecordEr
             taken.map_err(|reason| {
                 let is_text = frames.is_behind_header() && reason.ends_with(NO_NUMBER);
                 // As in a preamble, which is taken for the header.
-                let has_number = record.iter().any(|bytes| cell(bytes).is_ok_and(|cell| cell.parse::<f64>().is_ok()));
+                let has_number = has_number(record);
                 let is_other = frames.meaning.columns != Some(record.len()) || !has_number;
                 let width = frames.meaning.columns.filter(|width| frames.is_behind_header() && *width > record.len());
                 let begins_here = record.len() == 1 && reason.contains(NO_SEPARATOR);
                 let narrower = frames.meaning.columns.filter(|width| lines_before == 1 && *width < record.len());
+                let begin = table_begin(path, delimiter, record.len()).filter(|_| is_text);
+                if let Some(begin) = begin {
+                    return refuse(format!(
+                        "{reason}; the table seems to begin at line {begin}: cut off what is before it (`tail -n +{begin}`)"
+                    ));
+                }
                 refuse(match (is_text, is_other) {
                     (false, _) if frames.is_behind_header() && narrower == Some(record.len() - 1) => format!(
                         "{reason}; where the first has no name, as R's names of rows, give it one"

@@ -20,6 +20,7 @@ mod csv_clock;
 mod csv_columns;
 mod csv_grid;
 mod csv_lines;
+mod csv_preamble;
 mod error;
 mod idle;
 mod kind;

@@ -183,3 +183,33 @@ fn errors_name_the_line() {
     let message = Recording::open(&path, &none).unwrap_err().to_string();
     assert!(message.contains(":2: not UTF-8"), "{message}");
 }
+
+#[test]
+fn of_a_heading_of_keys_and_values_the_line_is_told_at_which_the_table_begins() {
+    let heading = "##Session\ndevice,001\nrows,13\nmode,12 bit\n\n##Data\n";
+    let table = |rows: usize| "t_s,a,b,c\n".to_owned() + &"0.1,1,2,3\n".repeat(rows);
+    for (text, wanted) in [
+        (
+            format!("{heading}{}", table(1)),
+            "line 7: cut off what is before it (`tail -n +7`)",
+        ),
+        (
+            format!("{heading}{}", table(9)),
+            "line 7: cut off what is before it (`tail -n +7`)",
+        ),
+        // A few notes of other widths in it.
+        (
+            format!("{heading}by,me,at home\nnote,5\n{}", table(9)),
+            "line 9: cut off what is before it (`tail -n +9`)",
+        ),
+        // A table with a column of words, and notes behind it.
+        ("label,a\nsoft,1\nhard,2\n".into(), "cut that column out"),
+        (
+            "label,a\nsoft,1\nhard,2\nmade by,me,today\n".into(),
+            "cut that column out",
+        ),
+    ] {
+        let message = super::read_text(&text, &ReadOptions::default()).unwrap_err();
+        assert!(message.contains(wanted), "{message}\n{text}");
+    }
+}
