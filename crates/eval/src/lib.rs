@@ -34,4 +34,4 @@ pub use quantile::{Quantiles, quantile};
 pub use report::{CostDetail, EvalReport, MethodReport, ScalingReport};
 pub use sequence::{Reference, References, Sequence};
 pub use synthetic::synthetic;
-pub use task::{BLUR_PX, Shown, Task, TaskError, TaskPoint, TaskRow, grid_places};
+pub use task::{BLUR_PX, EXAMPLES, Shown, Task, TaskError, TaskPoint, TaskRow, grid_places};

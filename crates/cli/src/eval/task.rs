@@ -8,7 +8,9 @@ use anyhow::{Context, bail};
 use serde::Serialize;
 use std::fmt::Write as _;
 use taxel_compress::Compressor;
-use taxel_eval::{BLUR_PX, Method, MethodError, Offered, Shown, Task, TaskPoint, TaskRow, grid_places};
+use taxel_eval::{
+    BLUR_PX, EXAMPLES, Method, MethodError, Offered, Shown, Task, TaskPoint, TaskRow, grid_places,
+};
 use taxel_hand::{ActuatorForce, Coordinates, FORCE_MAX, FORCE_MIN, Profile};
 use taxel_playback::output_file::OutputFile;
 use taxel_playback::progress::Progress;
@@ -44,8 +46,9 @@ struct Report {
     taxels: usize,
     contacts_median: f64,
     threshold: f64,
+    /// Examples of a class.
+    examples: usize,
     /// Least and most examples of a class where things are moved.
-    #[serde(skip)]
     moved_examples: [usize; 2],
     levels: u16,
     actuators: u16,
@@ -187,6 +190,7 @@ pub(super) fn run(args: &Args, csv: Option<OutputFile>, figure: Option<OutputFil
         classes: task.classes(),
         taxels: config.layout.len(),
         contacts_median: task.contacts_median(),
+        examples: EXAMPLES,
         moved_examples: task.moved_examples(),
         threshold,
         levels,
@@ -367,7 +371,8 @@ fn human(report: &Report) -> String {
     text + &wrapped(&format!(
         "nearest, logistic: by the nearest of two examples a class, by logistic regression on them; moved: everything \
          moved by up to 3 pixels, {examples} examples. Examples are of the first half of each class's frames, what is \
-         recognised of the second. levels: from the levels' numbers without their forces. us: median of both stages. \
+         recognised of the second; frames are blurred by {BLUR_PX} pixels and divided by their sum, so that not how \
+         hard something is pressed tells what it is. levels: from the levels' numbers without their forces. us: median of both stages. \
          A compressor starts anew with each frame; running: one sees all of them in a shuffled order and an empty \
          frame between, ten orders. Without that row it shows the same. The curves are of fresh starts."
     ))

@@ -43,7 +43,7 @@ impl HeldToTheEnd {
             format!(
                 "taxel: {name}: {} of {} taxels are in contact from {last_s:.0} s at the latest to the end, above a \
                  threshold of {:.1}; something rests on them, or their baseline has drifted faster than it is followed \
-                 (conditioning.drift_time_constant_ms in a file for --config)",
+                 (conditioning.drift_time_constant_ms in a file for --config), or while something was held for long",
                 held.len(),
                 self.since_ns.len(),
                 self.threshold,

@@ -15,9 +15,10 @@ use taxel_compress::Compressor;
 use taxel_hand::{ForceFrame, ProfileError};
 use taxel_skin::Layout;
 
-/// Draws of the examples, and how many of each class.
+/// Draws of the examples.
 const DRAWS: usize = 10;
-const EXAMPLES: usize = 2;
+/// Examples of each class.
+pub const EXAMPLES: usize = 2;
 /// The same where things are moved, and how far at most, pixels along each axis.
 const MOVED_DRAWS: usize = 5;
 const MOVED_EXAMPLES: usize = 10;
