@@ -19,7 +19,7 @@ fn without_its_first_comment(name: &str) -> String {
 #[test]
 fn the_unit_for_one_of_several_hands_is_the_other_with_names_of_its_own() {
     let one = unit("taxeld.service")
-        .replace("from a robot hand's skin", "from the skin of the robot hand %I")
+        .replace("from a robot hand's skin", "from the skin of the robot hand %i")
         .replace("/etc/taxeld/taxeld.toml", "/etc/taxeld/%i.toml")
         .replace("RuntimeDirectory=taxeld\n", "RuntimeDirectory=taxeld-%i\n");
     assert_eq!(without_its_first_comment("taxeld@.service"), one);
@@ -42,14 +42,14 @@ fn a_reload_is_taxelds_before_it_is_checked_so_that_the_status_tells_of_a_file_t
 #[test]
 fn the_units_beside_that_of_one_of_several_hands_are_the_others_with_its_names() {
     let one = unit("taxel-record.service")
-        .replace("of what a robot hand", "of what the robot hand %I")
+        .replace("of what a robot hand", "of what the robot hand %i")
         .replace("After=taxeld.service", "After=taxeld@%i.service")
         .replace("=/run/taxeld\n", "=/run/taxeld-%i\n")
         .replace("taxel-record/taxeld.mcap", "taxel-record/%i.mcap")
         .replace("/etc/taxeld/taxeld.toml", "/etc/taxeld/%i.toml");
     assert_eq!(without_its_first_comment("taxel-record@.service"), one);
     let one = unit("taxel-metrics.service")
-        .replace("of the tactile daemon", "of the robot hand %I")
+        .replace("of the tactile daemon", "of the robot hand %i")
         .replace("target taxeld.service", "target taxeld@%i.service")
         .replace("=/run/taxeld\n", "=/run/taxeld-%i\n");
     assert_eq!(without_its_first_comment("taxel-metrics@.service"), one);
