@@ -2,10 +2,11 @@
 
 use anyhow::bail;
 use taxel_record::Recording;
-use taxel_skin::Layout;
+use taxel_skin::{Layout, Wiring};
 
 /// Puts the taxels of a recording whose columns name boards (`3B0X`) where the modules of the hand are. 0, 1, 2, .. are its
-/// modules in order, as `taxel convert` names them, and other numbers the addresses of its boards. Returns what is to be said.
+/// modules in order, as `taxel convert` names them, and other numbers the addresses of its boards; modules without a board
+/// have what is no address, ascending. Returns what is to be said.
 pub(super) fn place(
     recording: &mut Recording,
     hand: impl FnOnce() -> anyhow::Result<Layout>,
@@ -15,29 +16,26 @@ pub(super) fn place(
     };
     // What does not fit at all is told by whoever uses it.
     let Some(hand) = hand().ok().filter(|hand| {
-        let have_boards =
-            !hand.wiring.is_empty() && hand.boards().all(|(_, _, wiring)| wiring.protocol.has_board());
+        let have_boards = hand.boards().any(|(_, _, wiring)| wiring.protocol.has_board());
         have_boards && hand.modules.len() == boards.len() && hand.len() == recording.taxels()
     }) else {
         return Ok(None);
     };
-    let addresses: Vec<u32> = hand.wiring.iter().map(|wiring| wiring.board.into()).collect();
-    let is_one_bus = hand.wiring.iter().all(|wiring| wiring.bus == hand.wiring[0].bus);
-    let mut sorted = addresses.clone();
-    sorted.sort_unstable();
-    let are_addresses = is_one_bus && sorted.iter().eq(boards.iter().map(|(number, _)| number));
-    let counts_from = |first: usize| {
-        boards
-            .iter()
-            .zip(first..)
-            .all(|((number, _), n)| *number as usize == n)
+    let named: Vec<u32> = boards.iter().map(|(number, _)| *number).collect();
+    let wired: Vec<&Wiring> = (hand.wiring.iter().filter(|wiring| wiring.protocol.has_board())).collect();
+    let is_one_bus = wired.iter().all(|wiring| wiring.bus == wired[0].bus);
+    let addresses = addresses(&hand, &named).filter(|_| is_one_bus);
+    let counts_from = |first: u32| named.iter().copied().eq((first..).take(named.len()));
+    let of_modules = match &addresses {
+        Some(addresses) if !counts_from(0) => Some(addresses),
+        _ if counts_from(0) || counts_from(1) => Some(&named),
+        _ => None,
     };
-    if are_addresses || counts_from(0) || counts_from(1) {
-        let are_modules = counts_from(0) || !are_addresses;
-        refuse_other_taxels(recording.name(), &hand, &boards, are_modules)?;
+    if let Some(of_modules) = of_modules {
+        refuse_other_taxels(recording.name(), &hand, &boards, of_modules)?;
     }
     if counts_from(0) {
-        let may_be_either = are_addresses && addresses != sorted;
+        let may_be_either = addresses.is_some_and(|addresses| addresses != named);
         return Ok(may_be_either.then(|| {
             format!(
                 "the boards in the names of its columns are taken for the modules of layout {} in order, 0 for {}, and not for \
@@ -46,7 +44,7 @@ pub(super) fn place(
             )
         }));
     }
-    if !are_addresses {
+    let Some(addresses) = addresses else {
         if counts_from(1) {
             return Ok(Some(format!(
                 "the boards in the names of its columns, from 1 on, are taken for the modules of layout {} in order",
@@ -60,46 +58,71 @@ pub(super) fn place(
                 .collect::<Vec<String>>()
                 .join(", ")
         };
-        let named: Vec<u32> = boards.iter().map(|(number, _)| *number).collect();
+        let of_boards: Vec<u32> = wired.iter().map(|wiring| wiring.board.into()).collect();
+        let without: Vec<&str> = hand.without_board().map(|module| module.name.as_str()).collect();
+        let others = match without[..] {
+            [] => String::new(),
+            _ => format!(" (any others for {}, without a board)", without.join(", ")),
+        };
         bail!(
-            "{}: its columns are of boards {}, and the boards of layout {} are {}; name them so, or by the modules in order, \
-             0 to {}",
+            "{}: its columns are of boards {}, and the boards of layout {} are {}{others}; name them so, or by the modules in \
+             order, 0 to {}",
             recording.name(),
             numbers(&named),
             hand.name,
-            numbers(&addresses),
-            addresses.len() - 1
+            numbers(&of_boards),
+            hand.modules.len() - 1
         );
-    }
+    };
     let mut order = Vec::with_capacity(recording.taxels());
     for address in &addresses {
-        let index = sorted.partition_point(|other| other < address);
+        let index = named.partition_point(|other| other < address);
         let first: usize = boards[..index].iter().map(|(_, taxels)| taxels.len()).sum();
         order.extend(first..first + boards[index].1.len());
     }
     recording.reorder_taxels(&order);
-    Ok(None)
+    let without: Vec<String> = (hand.boards().zip(&addresses))
+        .filter(|((_, _, wiring), _)| !wiring.protocol.has_board())
+        .map(|((_, module, _), number)| format!("{number} for module {}, which has no board", module.name))
+        .collect();
+    Ok((!without.is_empty()).then(|| {
+        format!(
+            "the boards in the names of its columns are taken for the addresses of those of layout {}, and {}",
+            hand.name,
+            without.join(", ")
+        )
+    }))
+}
+
+/// The number among `named`, ascending, that each module of the hand has, where these are the addresses of its boards; a
+/// module without one has what is no address. None where they are not.
+fn addresses(hand: &Layout, named: &[u32]) -> Option<Vec<u32>> {
+    let own: Vec<Option<u32>> = (hand.boards())
+        .map(|(_, _, wiring)| wiring.protocol.has_board().then_some(wiring.board.into()))
+        .collect();
+    let mut others = named
+        .iter()
+        .copied()
+        .filter(|number| !own.contains(&Some(*number)));
+    let of_modules: Vec<u32> = (own.iter())
+        .map(|number| number.or_else(|| others.next()))
+        .collect::<Option<_>>()?;
+    let mut sorted = of_modules.clone();
+    sorted.sort_unstable();
+    (sorted == named).then_some(of_modules)
 }
 
 /// Refuses columns of other taxels than the boards of the hand have: those of a board go in their order to the taxels of its
 /// module, so that all behind a gap would be on the taxel before theirs. A board's own numbers may have gaps, and who counts
-/// its taxels from 0 or 1 means them in order.
+/// its taxels from 0 or 1 means them in order. `of_modules` is the number in the names that each module has.
 fn refuse_other_taxels(
     name: &str,
     hand: &Layout,
     boards: &[(u32, Vec<u32>)],
-    are_modules: bool,
+    of_modules: &[u32],
 ) -> anyhow::Result<()> {
-    for (index, module) in hand.modules.iter().enumerate() {
-        let address = u32::from(hand.wiring[index].board);
-        let named = boards.iter().enumerate().find(|(n, (number, _))| {
-            if are_modules {
-                *n == index
-            } else {
-                *number == address
-            }
-        });
-        let Some((_, (number, taxels))) = named else {
+    for (module, of_module) in hand.modules.iter().zip(of_modules) {
+        let Some((number, taxels)) = boards.iter().find(|(number, _)| number == of_module) else {
             continue;
         };
         let mut own: Vec<u32> = hand.k_of(module).iter().copied().map(u32::from).collect();

@@ -28,6 +28,7 @@ mod interfaces;
 mod journal;
 mod manual;
 mod metrics;
+mod named_columns;
 mod options;
 mod publication;
 mod recorded_hands;
