@@ -139,7 +139,10 @@ impl LineColumns {
         let image = options
             .image
             .filter(|_| options.columns.is_none() && !are_of_boards);
-        let of_grid = image.and_then(|image| by_grid(&mut values, axes, &names, image));
+        let of_grid = match image {
+            Some(image) => by_grid(&mut values, axes, &names, image)?,
+            None => None,
+        };
         let named = |columns: &[usize]| columns.iter().map(|column| names[*column].to_owned()).collect();
         let names_of_columns = ColumnNames {
             values: named(&values),

@@ -1,36 +1,56 @@
 //! Columns of a csv file whose names have two numbers, the row and the column of a taxel on a grid.
 
+use std::collections::BTreeSet;
+
 /// Puts the columns of taxels, `axes` of each, row by row, where their names have the two numbers of every cell of a grid of
 /// this height and width and they stand column by column. Returns what is to be said of it.
+///
+/// # Errors
+/// Where they say which is the row and which the column, and have every cell of a grid of other sides.
 pub(crate) fn by_grid(
     values: &mut Vec<usize>,
     axes: usize,
     names: &[&str],
     (height, width): (usize, usize),
-) -> Option<String> {
+) -> Result<Option<String>, String> {
     let taxels: Vec<&[usize]> = values.chunks_exact(axes).collect();
     if height < 2 || width < 2 || taxels.len() != height * width {
-        return None;
+        return Ok(None);
     }
-    let pairs: Vec<Pair<'_>> = (taxels.iter())
-        .map(|columns| Pair::of(names[columns[0]]))
-        .collect::<Option<_>>()?;
+    let pairs = (taxels.iter()).map(|columns| Pair::of(names[columns[0]]));
+    let Some(pairs) = pairs.collect::<Option<Vec<Pair<'_>>>>() else {
+        return Ok(None);
+    };
     let least = [0, 1].map(|which| pairs.iter().map(|pair| pair.numbers[which]).min().unwrap_or(0));
     let most = [0, 1].map(|which| pairs.iter().map(|pair| pair.numbers[which]).max().unwrap_or(0));
-    let counts: [usize; 2] = [0, 1].map(|which| most[which] - least[which] + 1);
-    // Those of every cell, if none is there twice: what is checked by the order below.
-    let are_cells = least.iter().all(|first| *first <= 1);
-    let (first_is_row, is_sure) = match (counts == [height, width], counts == [width, height]) {
-        _ if !are_cells => return None,
-        (true, true) => match pairs[0].said() {
-            Some(first_is_row) => (first_is_row, true),
-            None => (true, false),
-        },
-        (true, false) => (true, true),
-        // Names of rows and columns of another grid.
-        (false, true) if pairs[0].said() == Some(true) => return None,
-        (false, true) => (false, true),
-        (false, false) => return None,
+    let counts: [usize; 2] = [0, 1].map(|which| (most[which] - least[which]).saturating_add(1));
+    let cells: BTreeSet<[usize; 2]> = pairs.iter().map(|pair| pair.numbers).collect();
+    let are_cells = least.iter().all(|first| *first <= 1)
+        && cells.len() == taxels.len()
+        && counts[0].checked_mul(counts[1]) == Some(taxels.len());
+    if !are_cells {
+        return Ok(None);
+    }
+    let said = pairs[0]
+        .said()
+        .filter(|said| pairs.iter().all(|pair| pair.said() == Some(*said)));
+    let of_names = said.map(|first_is_row| {
+        if first_is_row {
+            counts
+        } else {
+            [counts[1], counts[0]]
+        }
+    });
+    if let Some([rows, columns]) = of_names.filter(|sides| *sides != [height, width]) {
+        return Err(format!(
+            "the names of its columns have {rows} rows of {columns}: --layout grid:{rows}x{columns}, and not grid:{height}x{width}"
+        ));
+    }
+    let (first_is_row, is_sure) = match (said, counts == [height, width], counts == [width, height]) {
+        (Some(first_is_row), _, _) => (first_is_row, true),
+        (None, true, is_square) => (true, !is_square),
+        (None, false, true) => (false, true),
+        (None, false, false) => return Ok(None),
     };
     let [row, column] = if first_is_row { [0, 1] } else { [1, 0] };
     let at = |pair: &Pair<'_>| {
@@ -42,22 +62,22 @@ pub(crate) fn by_grid(
     let cells: Vec<(usize, usize)> = pairs.iter().map(at).collect();
     let stand_by_column = (cells.iter().enumerate()).all(|(n, cell)| *cell == (n % height, n / height));
     if !stand_by_column {
-        return None;
+        return Ok(None);
     }
     let [first, second] = [0, 1].map(|n| names[taxels[n][0]]);
     if !is_sure {
-        return Some(format!(
+        return Ok(Some(format!(
             "its columns are taken row by row as they stand, {first:?} and {second:?} side by side"
-        ));
+        )));
     }
     let ordered = (0..height * width).flat_map(|n| taxels[n % width * height + n / width]);
     let ordered: Vec<usize> = ordered.copied().collect();
     let beside = names[ordered[axes]];
     *values = ordered;
-    Some(format!(
+    Ok(Some(format!(
         "its columns stand column by column of the grid by the numbers in their names; they are taken by these, {first:?} and \
          {beside:?} side by side"
-    ))
+    )))
 }
 
 /// The two numbers of a name, and the words before them.
@@ -117,7 +137,7 @@ mod tests {
 
     #[test]
     fn columns_that_stand_column_by_column_are_taken_row_by_row_where_their_names_say_so() {
-        let cases: [Case; 10] = [
+        let cases: [Case; 9] = [
             // Row by row already.
             (cells(3, 4, |r, c| format!("r{r}c{c}")), (3, 4), None),
             (
@@ -137,9 +157,8 @@ mod tests {
                 Some(["x0y0", "x1y0", "x2y0"]),
             ),
             (cells(3, 4, |y, x| format!("x{x}y{y}")), (3, 4), None),
-            // The grid is another one.
-            (cells(4, 3, |r, c| format!("r{r}c{c}")), (3, 4), None),
-            (cells(2, 6, |r, c| format!("r{r}c{c}")), (3, 4), None),
+            // Numbers of boards and taxels may be those of another grid.
+            (cells(2, 6, |board, k| format!("m{board}_txl{k}")), (3, 4), None),
             // A square has rows and columns by their names alone.
             (
                 cells(3, 3, |c, r| format!("row{r}_col{c}")),
@@ -160,7 +179,7 @@ mod tests {
                 let of_axes: Vec<&str> = names.iter().flat_map(|name| vec![*name; axes]).collect();
                 let before: Vec<usize> = (0..of_axes.len()).collect();
                 let mut values = before.clone();
-                let said = by_grid(&mut values, axes, &of_axes, image);
+                let said = by_grid(&mut values, axes, &of_axes, image).unwrap();
                 assert_eq!(said.is_some(), wanted.is_some(), "{names:?}: {said:?}");
                 match wanted {
                     None => assert_eq!(values, before, "{names:?}"),
@@ -178,5 +197,31 @@ mod tests {
                 }
             }
         }
+    }
+
+    #[test]
+    fn a_grid_of_other_sides_than_the_names_of_rows_and_columns_have_is_refused() {
+        for (names, image, wanted) in [
+            (
+                cells(3, 4, |r, c| format!("r{r}c{c}")),
+                (4, 3),
+                "3 rows of 4: --layout grid:3x4, and not grid:4x3",
+            ),
+            (cells(4, 3, |c, r| format!("r{r}c{c}")), (4, 3), "3 rows of 4"),
+            (
+                cells(2, 6, |r, c| format!("row{}_col{}", r + 1, c + 1)),
+                (3, 4),
+                "2 rows of 6",
+            ),
+            (cells(3, 4, |c, r| format!("c{c}r{r}")), (3, 4), "4 rows of 3"),
+        ] {
+            let names: Vec<&str> = names.iter().map(String::as_str).collect();
+            let mut values: Vec<usize> = (0..names.len()).collect();
+            let reason = by_grid(&mut values, 1, &names, image).unwrap_err();
+            assert!(reason.contains(wanted), "{names:?}: {reason}");
+        }
+        // Not every cell is there, so that they may be something else.
+        let names = ["r0c0", "r0c1", "r1c0", "r4c2"];
+        assert_eq!(by_grid(&mut vec![0, 1, 2, 3], 1, &names, (2, 2)), Ok(None));
     }
 }
