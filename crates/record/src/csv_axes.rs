@@ -71,16 +71,22 @@ pub(crate) fn named_axes(
     ))
 }
 
-/// Columns of values in the order of the numbers in their names, where they stand in that of these names as texts and it is
-/// another one: `s0`, `s1`, `s10`, `s2`, as whoever sorts names without looking at the numbers has them.
-pub(crate) fn by_numbers(values: &[usize], names: &[&str]) -> Option<Vec<usize>> {
+/// Columns of values in the order of the numbers in their names, and which other one they stand in: that of these names as
+/// texts, `s0`, `s1`, `s10`, `s2`, as whoever sorts names without looking at the numbers has them, or the numbers' reverse.
+pub(crate) fn by_numbers(values: &[usize], names: &[&str]) -> Option<(Vec<usize>, &'static str)> {
     let mut columns: Vec<(String, usize)> = values.iter().map(|c| (names[*c].to_owned(), *c)).collect();
-    if !columns.is_sorted_by(|(a, _), (b, _)| a < b) {
-        return None;
-    }
+    let is_of_texts = columns.is_sorted_by(|(a, _), (b, _)| a < b);
     sort_by_numbers(&mut columns);
     let sorted: Vec<usize> = columns.into_iter().map(|(_, column)| column).collect();
-    (sorted != values).then_some(sorted)
+    if sorted == values {
+        return None;
+    }
+    let is_reverse = sorted.iter().eq(values.iter().rev());
+    match (is_of_texts, is_reverse) {
+        (true, _) => Some((sorted, "in the order of their names as texts")),
+        (false, true) => Some((sorted, "in the order of descending numbers")),
+        (false, false) => None,
+    }
 }
 
 /// What a column of this name is an axis of, and of the axes which. pandas puts `.1` behind a name that came before.

@@ -132,7 +132,7 @@ impl LineColumns {
         };
         let are_counts = counts.is_some();
         let sorted = by_numbers(&skin, &names).filter(|_| !are_counts && options.columns.is_none());
-        let are_sorted = sorted.is_some();
+        let (sorted, order_before) = sorted.unzip();
         let mut values = counts.or(sorted).unwrap_or(skin);
         let axes = if are_counts { 3 } else { 1 };
         // A board and a taxel are no row and column.
@@ -147,7 +147,7 @@ impl LineColumns {
         let names_of_columns = ColumnNames {
             values: named(&values),
             left_out: named(&left_out),
-            are_sorted,
+            order_before,
             of_grid,
             ..ColumnNames::default()
         };

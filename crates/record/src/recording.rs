@@ -236,10 +236,10 @@ impl Recording {
         &self.names.values
     }
 
-    /// Whether columns of magnitudes stood in the order of their names as texts, `s1`, `s10`, `s2`, and were put in that of
-    /// the numbers.
-    pub fn are_columns_sorted(&self) -> bool {
-        self.names.are_sorted
+    /// How columns of magnitudes stood that were put in the order of the numbers in their names, `s1`, `s2`, `s10`: "in the
+    /// order of their names as texts".
+    pub fn column_order_before(&self) -> Option<&'static str> {
+        self.names.order_before
     }
 
     /// The comment before the first frame that the names of the columns were taken from, without its `#`.

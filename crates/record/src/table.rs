@@ -66,8 +66,8 @@ pub enum TimeUnit {
 pub(crate) struct ColumnNames {
     /// Those that are values, in the order of a frame's.
     pub(crate) values: Vec<String>,
-    /// Whether they were put in the order of their numbers.
-    pub(crate) are_sorted: bool,
+    /// How they stood, in words, where they were put in the order of their numbers.
+    pub(crate) order_before: Option<&'static str>,
     /// What is to be said of numbers in them that are rows and columns of a grid.
     pub(crate) of_grid: Option<String>,
     /// Those that are neither values, joint angles nor the time of a frame.

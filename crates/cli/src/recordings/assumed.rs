@@ -27,10 +27,10 @@ pub(crate) fn of_columns(recording: &Recording) -> impl Iterator<Item = String> 
         };
         format!("the comment {names:?} is taken for the names of its columns")
     });
-    let sorted = (recording.are_columns_sorted()).then(|| {
+    let sorted = recording.column_order_before().map(|order| {
         let first = &recording.column_names()[..recording.taxels().min(3)];
         format!(
-            "its columns stand in the order of their names as texts; they are taken by the numbers in them, {}, ..",
+            "its columns stand {order}; they are taken by the numbers in their names, {}, ..",
             first.join(", ")
         )
     });

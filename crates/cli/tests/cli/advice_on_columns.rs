@@ -397,7 +397,8 @@ fn columns_in_the_order_of_their_names_as_texts_are_taken_by_their_numbers() {
         "--rate",
         "30",
     ];
-    let told = "in the order of their names as texts; they are taken by the numbers in them, s0, s1, s2, ..";
+    let told =
+        "in the order of their names as texts; they are taken by the numbers in their names, s0, s1, s2, ..";
     // As they are written by who sorts texts; as they count; and as somebody has laid them out.
     for (order, place, is_told) in [
         ([0, 1, 10, 11, 2, 3, 4, 5, 6, 7, 8, 9], 2, true),

@@ -76,3 +76,27 @@ fn boards_in_names_are_looked_at_also_where_a_module_has_none() {
                   name them so, or by the modules in order, 0 to 2";
     assert!(err.contains(wanted), "{err}");
 }
+
+#[test]
+fn magnitudes_whose_numbers_descend_are_taken_by_them_as_counts_are() {
+    let dir = TempDir::new().unwrap();
+    let args = [
+        "compress", "in.csv", "--rate", "30", "--layout", "grid:3x4", "--out", "o.csv",
+    ];
+    for (axes, pressed, rest) in [(&[""][..], "50", "0"), (&["_x", "_y", "_z"], "29000", "20000")] {
+        let taxels = || (0..12).rev();
+        let names: Vec<String> = taxels()
+            .flat_map(|n| axes.iter().map(move |axis| format!("s{n}{axis}")))
+            .collect();
+        let line = |at| -> String {
+            let cells = taxels().flat_map(|n| vec![if Some(n) == at { pressed } else { rest }; axes.len()]);
+            cells.collect::<Vec<_>>().join(",") + "\n"
+        };
+        let text = names.join(",") + "\n" + &line(None).repeat(90) + &line(Some(2)).repeat(9);
+        fs::write(dir.path().join("in.csv"), text).unwrap();
+        let (_, err) = succeeds(&dir, &args);
+        let told = "its columns stand in the order of descending numbers; they are taken by the numbers in their names, s0, s1, s2";
+        assert_eq!(err.contains(told), axes.len() == 1, "{err}");
+        assert_eq!(shown_at(&dir, 12), Some(2));
+    }
+}
