@@ -2,6 +2,7 @@
 
 use crate::csv_clock::{self, is_clock, time_ns, unit_beyond_seconds, unit_since_1970};
 use crate::csv_columns::{LineColumns, cell, is_unnamed};
+use crate::csv_forms::{is_turned, refuse_lines_of_names, refuse_log_of_python_can};
 use crate::csv_lines::{LINE_BYTES, Lines, unreadable};
 use crate::csv_preamble::{has_number, table_begin};
 use crate::error::RecordError;
@@ -11,7 +12,7 @@ use csv::{ByteRecord, ReaderBuilder};
 use std::fs::File;
 use std::io::{self, BufRead, BufReader, Read};
 use std::path::Path;
-use taxel_hand::{plural, shell_word};
+use taxel_hand::plural;
 
 /// What some spreadsheets begin a file with.
 const BYTE_ORDER_MARK: &[u8] = "\u{feff}".as_bytes();
@@ -53,13 +54,17 @@ pub(crate) fn read(path: &Path, options: &ReadOptions) -> Result<Table, RecordEr
     let mut frames = Frames::new(LineColumns::of_plain(options));
     let mut is_first = true;
     let mut lines_before = 0;
-    let mut header: Option<ByteRecord> = None;
+    let mut first: Option<ByteRecord> = None;
     while lines.read()? {
         let refuse = |reason| unreadable(path, lines.number, reason);
         let record = &mut lines.record;
         // What tells spreadsheets how columns are separated.
         if is_first && record[0].starts_with(b"sep=") {
             continue;
+        }
+        if is_first {
+            refuse_lines_of_names(path, delimiter).map_err(refuse)?;
+            first = Some(record.clone());
         }
         if is_first && !is_header(record) {
             let columns = record.len() - usize::from(ends_with_separator(record));
@@ -80,7 +85,6 @@ pub(crate) fn read(path: &Path, options: &ReadOptions) -> Result<Table, RecordEr
             refuse_log_of_python_can(record, path).map_err(refuse)?;
             let is_index_time = has_index(record) && is_index_clock(path, delimiter)?;
             frames.meaning = LineColumns::of_header(record, options, is_index_time).map_err(refuse)?;
-            header = Some(record.clone());
             if is_index_time && frames.meaning.time.is_none() && options.rate_hz.is_none() {
                 return Err(refuse(
                     "column 1, which has no name, rises like a clock, and not as numbers of frames do: --time-column s, if it \
@@ -99,12 +103,19 @@ pub(crate) fn read(path: &Path, options: &ReadOptions) -> Result<Table, RecordEr
                 frames.names_line = Some(lines.number);
             }
             let taken = frames.take(record);
-            if taken.is_err() && header.as_ref() == Some(record) {
+            if taken.is_err() && lines_before > 0 && first.as_ref() == Some(record) {
                 return Err(refuse(format!(
                     "the header stands here again, as where another recording begins; take them apart: `head -n {}` is what is \
                      before it, `tail -n +{}` the rest",
                     lines.number - 1,
                     lines.number
+                )));
+            }
+            let may_be_turned =
+                lines_before == 1 && first.as_ref().is_some_and(|first| is_turned(first, record));
+            if let (Err(reason), true) = (&taken, may_be_turned) {
+                return Err(refuse(format!(
+                    "{reason}; where lines are taxels, and columns frames, turn the table: in pandas df.T; else cut that column out"
                 )));
             }
             if let Err(reason) = &taken
@@ -238,12 +249,20 @@ impl Frames {
         }
         if let Some((time, unit)) = self.meaning.time {
             let time_ns = time_ns(&record[time], row[time], unit);
-            let no_time = || match (row[time], self.meaning.unitless.is_some()) {
-                (late, true) if late > 1e10 => format!(
-                    "{late} is no time in seconds, which a column {:?} is taken for; say its unit: --time-column {}",
-                    self.meaning.unitless.as_deref().unwrap_or_default(),
+            let no_time = || match (row[time], &self.meaning.unitless) {
+                (late, Some(name)) if late > 1e10 => format!(
+                    "{late} is no time in seconds, which a column {name:?} is taken for; say its unit: --time-column {}",
                     unit_beyond_seconds(late)
                 ),
+                (late, None)
+                    if (1e10..1.8e19).contains(&late) && unit.name() != unit_beyond_seconds(late) =>
+                {
+                    format!(
+                        "{late} is no time in {}; where it is in {1}, call the column t_{1}, or say --time-column {1}",
+                        unit.name(),
+                        unit_beyond_seconds(late)
+                    )
+                }
                 (time, _) if time < 0.0 => format!(
                     "{time} is no time from 0 on; take the least from each: in pandas df.NAME -= df.NAME.min()"
                 ),
@@ -436,21 +455,6 @@ fn are_numbers_of_columns(record: &ByteRecord) -> bool {
 fn are_numbers<'a>(cells: impl Iterator<Item = &'a [u8]>) -> bool {
     let mut cells = cells.map(cell).enumerate();
     cells.all(|(number, cell)| cell.is_ok_and(|cell| cell == number.to_string()))
-}
-
-/// Refuses the header of python-can's `CSVWriter`, `can/io/csv.py`.
-fn refuse_log_of_python_can(header: &ByteRecord, path: &Path) -> Result<(), String> {
-    if header.iter().take(2).ne([&b"timestamp"[..], b"arbitration_id"]) {
-        return Ok(());
-    }
-    let (file, log) = (
-        shell_word(path.display()),
-        shell_word(path.with_extension("log").display()),
-    );
-    Err(format!(
-        "a log of CAN frames, as python-can writes them, and no table of numbers; `can_logconvert {file} {log}` of python-can \
-         makes a .log of it"
-    ))
 }
 
 /// What is to be done with a last line that was not written to its end.

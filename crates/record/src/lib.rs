@@ -18,6 +18,7 @@ mod csv;
 mod csv_axes;
 mod csv_clock;
 mod csv_columns;
+mod csv_forms;
 mod csv_grid;
 mod csv_lines;
 mod csv_preamble;

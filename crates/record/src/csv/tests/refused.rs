@@ -146,6 +146,11 @@ fn errors_name_the_line() {
         ),
         ("t,a\n1581072654214000000,2\n", &none, "--time-column ns"),
         (
+            "t_s,a\n1700000000000000000,2\n",
+            &none,
+            ":2: 1700000000000000000 is no time in s; where it is in ns, call the column t_ns, or say --time-column ns",
+        ),
+        (
             "secs,nsecs,a\n1,2,3\n",
             &none,
             ":1: times are in two columns, \"secs\" and \"nsecs\"",
@@ -211,5 +216,42 @@ fn of_a_heading_of_keys_and_values_the_line_is_told_at_which_the_table_begins() 
     ] {
         let message = super::read_text(&text, &ReadOptions::default()).unwrap_err();
         assert!(message.contains(wanted), "{message}\n{text}");
+    }
+}
+
+#[test]
+fn tables_of_pandas_that_have_several_lines_of_names_or_stand_on_their_side_are_told() {
+    let lines = "its columns have 2 lines of names; make one of them: in pandas df.columns = [\"_\".join(map(str, c)) for c in df.columns]";
+    let turned = "where lines are taxels, and columns frames, turn the table: in pandas df.T; else cut that column out";
+    for (text, wanted) in [
+        (
+            "finger,thumb,thumb,index,index\ntaxel,0,1,0,1\ntime,,,,\n0.0,1,2,3,4\n0.02,1,2,3,4\n",
+            lines,
+        ),
+        (
+            ",thumb,thumb,index,index\n,0,1,0,1\n0,1,2,3,4\n1,1,2,3,4\n",
+            lines,
+        ),
+        (
+            ",s0,s0,s0,s1,s1,s1\n,x,y,z,x,y,z\n0,1,2,3,1,2,3\n1,1,2,3,1,2,3\n",
+            lines,
+        ),
+        (
+            ",s0,s0,s0,s1,s1,s1\n,x,y,z,x,y,z\nt_s,,,,,,\n0.0,1,2,3,1,2,3\n",
+            lines,
+        ),
+        ("t_s,0.0,0.02,0.04\ns0,1,2,3\ns1,1,2,3\n", turned),
+        (",0,1,2\nt_s,0.0,0.02,0.04\ns0,1,2,3\n", turned),
+        (",0.0,0.02,0.04\ns0,1,2,3\ns1,1,2,3\n", turned),
+    ] {
+        let message = read_text(text, &ReadOptions::default()).unwrap_err();
+        assert!(message.contains(wanted), "{text:?}: {message}");
+    }
+    // What is advised is read.
+    for text in [
+        "time,thumb_0,thumb_1,index_0,index_1\n0.0,1,2,3,4\n0.02,1,2,3,4\n",
+        ",s0_x,s0_y,s0_z,s1_x,s1_y,s1_z\n0,1,2,3,1,2,3\n1,1,2,3,1,2,3\n",
+    ] {
+        assert!(read_text(text, &ReadOptions::default()).is_ok(), "{text:?}");
     }
 }
