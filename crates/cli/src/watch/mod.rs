@@ -35,11 +35,11 @@ With --json each line is one object:
   {\"seq\",\"t_ns\",\"latency_us\",\"width\",\"height\",\"image\":[H*W of 0..255],\"levels\":[forces],
    \"actuators\":[{\"id\",\"x\",\"y\",\"level\",\"force\"}],\"contacts\",\"faulty\",\"missing\",\"joints\":[rad],
    \"skipped\",\"calibrating\",\"saturated\",\"repaired\"}
-latency_us is of when the line is written, and null when the daemon plays a recording; skipped counts
-the images that this reader was not given since the line before, as it was too slow or asked for
-fewer; calibrating is true while the baseline is measured, and the image is empty; saturated where a
-taxel is at an end of its range, repaired where a value was unwrapped or a glitch held back. With
---raw as well:
+latency_us is of when the line is written, and null when the daemon plays a recording; skipped
+counts the images that this reader was not given since the line before, as it was too slow or asked
+for fewer; calibrating is true while the baseline is measured, and the image is empty; saturated
+where a taxel is at an end of its range, repaired where a value was unwrapped or a glitch held back.
+With --raw as well:
   {\"seq\",\"t_ns\",\"latency_us\",\"threshold\",\"taxels\":[{\"counts\":[x,y,z],\"force\",\"contact\",\"repaired\",
    \"age_us\",\"status\",\"faults\":[names]}],\"joints\":[rad],\"skipped\",\"calibrating\"}
 With --hz:
@@ -50,7 +50,7 @@ Examples:
   taxel watch --count 10
   taxel watch --json | jq .contacts
   taxel watch --json --every | gzip > images.jsonl.gz
-  taxel watch --json --newest --reconnect --profile '{\"levels\": 4, \"actuators\": 5}' --region index,thumb
+  taxel watch --json --newest --profile '{\"levels\": 4, \"actuators\": 5}' --region index,thumb
   taxel watch --raw --json --count 1 > counts.json
   taxel watch --hz --reconnect               is it still running, and how well
   taxel watch --socket /tmp/taxeld-1000/images.sock")]
