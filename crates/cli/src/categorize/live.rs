@@ -1,9 +1,8 @@
 //! `taxel categorize --live MAP`: touch after touch into its category, beside a running daemon.
 
+use super::counts::{FRAMES_BEFORE, Followed};
 use super::map_file::MapFile;
 use super::probe::{Probe, Values};
-use super::touches::FRAMES_BEFORE;
-use super::turns::Followed;
 use crate::client::live_lines::{Lines, every_frame};
 use crate::client::reconnect::with_daemon;
 use crate::notices;

@@ -1,6 +1,7 @@
 //! `taxel categorize`: categories of touches.
 
 mod contact;
+mod counts;
 mod figures;
 mod labels;
 mod live;
@@ -12,7 +13,6 @@ mod report;
 mod sweep;
 mod touches;
 mod trial;
-mod turns;
 
 use crate::errors::wrong_use;
 use crate::piped_file::recording_parser;

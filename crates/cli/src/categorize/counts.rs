@@ -1,4 +1,7 @@
-//! Counts followed from frame to frame: round their turns, and past readings of chips that do not answer.
+//! Counts followed from frame to frame, round their turns and past readings of chips that do not answer, and taken from rest.
+
+use taxel_hand::plural;
+use taxel_record::{Frames as Recorded, Recording};
 
 /// What each of three counts is that a chip gives which does not answer.
 const ENDS: [u16; 2] = [0, u16::MAX];
@@ -73,9 +76,97 @@ fn all_at_ends(counts: [u16; 3]) -> bool {
     counts.iter().all(|count| ENDS.contains(count))
 }
 
+/// All values of a recording as signed numbers, and how many a frame has: magnitudes, or x y z of each taxel, round their turns.
+/// Where a taxel has none, or its chip does not answer, its last one is taken, before its first that, and that is said; 0 where
+/// it never has any.
+pub(super) fn values(recording: &Recording) -> (usize, Vec<f64>) {
+    let counts = match recording.frames() {
+        Recorded::Magnitudes(values) => return (recording.taxels(), values.clone()),
+        Recorded::Counts(counts) => counts,
+    };
+    if recording.missing() > 0 {
+        remark!(
+            "taxel: {}: {} values of taxels are not there; the last one of the same taxel is taken for each",
+            recording.name(),
+            recording.missing()
+        );
+    }
+    let taxels = recording.taxels();
+    let mut followed = vec![Followed::default(); taxels];
+    for frame in counts.chunks_exact(taxels) {
+        let given = followed.iter_mut().zip(frame);
+        given.for_each(|(taxel, counts)| counts.iter().for_each(|counts| taxel.look(*counts)));
+    }
+    for (n, taxel) in followed.iter_mut().enumerate() {
+        let mut given = counts.iter().skip(n).step_by(taxels).flatten();
+        if let Some(first) = given.find(|counts| !taxel.is_silent(**counts)) {
+            taxel.follow(*first);
+        }
+    }
+    let mut values = Vec::with_capacity(3 * counts.len());
+    let mut silent = 0;
+    for frame in counts.chunks_exact(taxels) {
+        for (taxel, counts) in followed.iter_mut().zip(frame) {
+            if let Some(counts) = counts {
+                silent += usize::from(taxel.is_silent(*counts));
+                taxel.follow(*counts);
+            }
+            values.extend(taxel.at());
+        }
+    }
+    if silent > 0 {
+        remark!(
+            "taxel: {}: {} of taxels are 0 or 65535 on every axis, as of a chip that does not answer; the last one of the same \
+             taxel is taken for each",
+            recording.name(),
+            plural(silent, "reading")
+        );
+    }
+    (3 * taxels, values)
+}
+
+/// Raw counts are taken from the mean of so many frames before a touch.
+pub(super) const FRAMES_BEFORE: usize = 5;
+
+/// Values less those of an untouched probe: raw counts are taken from the mean of the frames before the touch, up to
+/// five of them, or from its first frame where there is none; other numbers are above baseline already.
+pub(super) fn above_baseline(values: &[f64], taxels: usize, raw: bool, first: usize) -> Vec<f64> {
+    if !raw {
+        return values.to_vec();
+    }
+    let before = if first == 0 {
+        0..1
+    } else {
+        first.saturating_sub(FRAMES_BEFORE)..first
+    };
+    let mut baseline = vec![0.0; taxels];
+    for frame in values[before.start * taxels..before.end * taxels].chunks_exact(taxels) {
+        baseline
+            .iter_mut()
+            .zip(frame)
+            .for_each(|(sum, x)| *sum += x / before.len() as f64);
+    }
+    let less = |frame: &[f64]| {
+        frame
+            .iter()
+            .zip(&baseline)
+            .map(|(x, b)| x - b)
+            .collect::<Vec<_>>()
+    };
+    values.chunks_exact(taxels).flat_map(less).collect()
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;
+
+    #[test]
+    fn raw_counts_are_above_the_frames_before_the_touch() {
+        let values = [10.0, 20.0, 12.0, 22.0, 15.0, 19.0];
+        assert_eq!(above_baseline(&values, 2, true, 2)[4..], [4.0, -2.0]);
+        assert_eq!(above_baseline(&values, 2, true, 0)[..4], [0.0, 0.0, 2.0, 2.0]);
+        assert_eq!(above_baseline(&values, 2, false, 2), values);
+    }
 
     fn followed(counts: &[[u16; 3]]) -> Vec<[f64; 3]> {
         let mut taxel = Followed::default();
