@@ -3,7 +3,7 @@
 use crate::left_out::LeftOut;
 use crate::mat::TornMat;
 use std::io;
-use std::path::PathBuf;
+use std::path::{Path, PathBuf};
 
 /// Why a squeeze cannot be read, or a place not be estimated. Rows count from 0.
 #[derive(Debug, thiserror::Error)]
@@ -262,4 +262,14 @@ pub enum ForearmError {
     /// Touch that has no components.
     #[error("tactile images cannot be told apart: {0}")]
     Blind(#[from] taxel_palpation::PalpationError),
+}
+
+impl ForearmError {
+    /// What a file or folder cannot be opened, read or written for.
+    pub(crate) fn io(path: &Path) -> impl Fn(io::Error) -> Self + use<'_> {
+        move |source| Self::Io {
+            path: path.into(),
+            source,
+        }
+    }
 }

@@ -1,7 +1,7 @@
 //! Which files of a folder are the squeezes of its session.
 
 use crate::error::ForearmError;
-use crate::session::{PLACES, io};
+use crate::places::PLACES;
 use std::collections::BTreeSet;
 use std::fs;
 use std::path::{Path, PathBuf};
@@ -123,8 +123,8 @@ fn none(path: &Path, mats: &[PathBuf]) -> ForearmError {
 
 /// Every `.mat` file in a folder and in folders of it.
 fn list(folder: &Path, depth: usize, mats: &mut Vec<PathBuf>) -> Result<(), ForearmError> {
-    for entry in fs::read_dir(folder).map_err(io(folder))? {
-        let path = entry.map_err(io(folder))?.path();
+    for entry in fs::read_dir(folder).map_err(ForearmError::io(folder))? {
+        let path = entry.map_err(ForearmError::io(folder))?.path();
         if path.is_dir() {
             if depth > 0 {
                 list(&path, depth - 1, mats)?;

@@ -3,6 +3,7 @@
 use crate::error::ForearmError;
 use crate::folder::{Folder, SqueezeFile, numbers};
 use crate::mat::{Matrix, read_mat, write_mat};
+use crate::places::location_percent;
 use crate::squeeze::{COLUMNS, Squeeze, TACTELS, TACTILE_COLUMNS, TACTILE_ROWS};
 use serde::Deserialize;
 use std::collections::HashMap;
@@ -11,19 +12,12 @@ use std::fs;
 use std::path::{Path, PathBuf};
 use taxel_record::{NpzWriter, NumberArray, write_npy};
 
-/// Places of the publication, evenly from wrist to elbow.
-pub const PLACES: usize = 13;
 /// The variable of the publication's `.mat` files: "data" in Spanish.
 const VARIABLE: &str = "datos";
 /// The array of an `.npz` that is 1 where its squeezes are simulated.
 const SIMULATED: &str = "simulated";
 /// What `taxel forearm record` keeps beside the folders of a session.
 const SETTINGS: &str = "session.json";
-
-/// Where the publication's place `index` is, from 0 (wrist) to 100 (elbow).
-pub fn location_percent(index: usize) -> f64 {
-    100.0 * index as f64 / (PLACES - 1) as f64
-}
 
 /// The file beside a squeeze's that has its tactile images; repetitions are numbered from 1.
 pub fn touch_file(place: usize, repetition: usize) -> String {
@@ -76,7 +70,7 @@ impl Squeeze {
     /// # Errors
     /// A file that cannot be read, is torn, or holds something else.
     pub fn read_mat(path: &Path) -> Result<Self, ForearmError> {
-        let bytes = fs::read(path).map_err(io(path))?;
+        let bytes = fs::read(path).map_err(ForearmError::io(path))?;
         let matrix = read_mat(&bytes, VARIABLE).map_err(|torn| ForearmError::Mat {
             path: path.into(),
             torn,
@@ -280,13 +274,6 @@ fn is_count(number: &f64) -> bool {
     (0.0..=f64::from(u16::MAX)).contains(number) && number.fract() == 0.0
 }
 
-pub(crate) fn io(path: &Path) -> impl Fn(std::io::Error) -> ForearmError + use<'_> {
-    move |source| ForearmError::Io {
-        path: path.into(),
-        source,
-    }
-}
-
 fn within(at: impl std::fmt::Display) -> impl Fn(ForearmError) -> ForearmError {
     let at = at.to_string();
     move |source| ForearmError::In {
@@ -331,7 +318,7 @@ fn is_simulated_folder(path: &Path) -> Result<bool, ForearmError> {
     if !path.exists() {
         return Ok(false);
     }
-    let text = fs::read(&path).map_err(io(&path))?;
+    let text = fs::read(&path).map_err(ForearmError::io(&path))?;
     match serde_json::from_slice(&text) {
         Ok(Settings { simulated }) => Ok(simulated),
         Err(error) => Err(ForearmError::Unfit {

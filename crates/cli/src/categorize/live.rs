@@ -2,7 +2,8 @@
 
 use super::counts::{FRAMES_BEFORE, Followed};
 use super::map_file::MapFile;
-use super::probe::{Probe, Values};
+use super::probe::Probe;
+use super::values::Values;
 use crate::client::live_lines::{Lines, every_frame};
 use crate::client::reconnect::with_daemon;
 use crate::notices;

@@ -2,8 +2,8 @@
 
 use super::counts::{above_baseline, values};
 use super::labels;
-use super::probe::Values;
 use super::touches::{Set, of_scene, open, places, taken_for};
+use super::values::Values;
 use crate::recordings::own_clock::{CLOCK_S, LATE_NS, instant_ns};
 use anyhow::{Context, anyhow, bail, ensure};
 use csv::StringRecord;

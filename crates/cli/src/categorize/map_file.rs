@@ -1,7 +1,7 @@
 //! A map and its categories in a file.
 
-use super::probe::Values;
 use super::touches::Set;
+use super::values::Values;
 use anyhow::{Context, ensure};
 use serde::{Deserialize, Serialize};
 use std::path::Path;

@@ -13,6 +13,7 @@ mod report;
 mod sweep;
 mod touches;
 mod trial;
+mod values;
 
 use crate::errors::wrong_use;
 use crate::piped_file::recording_parser;

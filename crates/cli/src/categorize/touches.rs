@@ -3,7 +3,7 @@
 use super::contact;
 use super::counts::{above_baseline, values};
 use super::labels;
-use super::probe::Values;
+use super::values::Values;
 use crate::recordings::assumed;
 use crate::recordings::implausible_times;
 use crate::recordings::marks_file;
