@@ -231,7 +231,8 @@ impl Errors {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::session::{Trial, location_percent};
+    use crate::places::location_percent;
+    use crate::session::Trial;
     use crate::squeeze::Squeeze;
 
     fn session() -> Session {
