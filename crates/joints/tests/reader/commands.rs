@@ -1,6 +1,7 @@
 //! What servos are told through the thread that reads them.
 
 use crate::{HANGS_AFTER, all_read, config, eventually, pty};
+use std::path::Path;
 use std::sync::atomic::{AtomicBool, Ordering};
 use std::time::Instant;
 use taxel_joints::bus::{WriteCommand, WriteError, WriteRefused, Written};
@@ -8,21 +9,27 @@ use taxel_joints::protocol2::Encoder;
 use taxel_joints::{PortState, ServoReader};
 use taxel_sim::servo::{ServoFault, servo_clock_ns};
 
+/// Reads these servos, which may be told to move, and has read all of them.
+fn driven(path: &Path, n: u8) -> ServoReader {
+    let mut config = config(path, n);
+    config.allow_writes = true;
+    config.watchdog_ms = 2000;
+    let reader = ServoReader::start(&config).unwrap();
+    eventually(&reader, "read", all_read);
+    reader
+}
+
 #[test]
 fn commands_need_the_configuration_s_consent() {
     let pty = pty(2);
-    let mut config = config(pty.path(), 2);
     {
-        let reader = ServoReader::start(&config).unwrap();
+        let reader = ServoReader::start(&config(pty.path(), 2)).unwrap();
         assert_eq!(
             reader.command(0, WriteCommand::Torque(true)),
             Err(WriteRefused::ReadOnly)
         );
     }
-    config.allow_writes = true;
-    config.watchdog_ms = 2000;
-    let reader = ServoReader::start(&config).unwrap();
-    eventually(&reader, "read", all_read);
+    let reader = driven(pty.path(), 2);
     assert_eq!(
         reader.command(2, WriteCommand::Torque(true)),
         Err(WriteRefused::NoSuchJoint(2))
@@ -72,11 +79,7 @@ fn what_is_told_before_the_port_is_open_is_refused_at_once() {
 #[test]
 fn whoever_waits_when_the_port_is_lost_hears_of_it() {
     let pty = pty(1);
-    let mut config = config(pty.path(), 1);
-    config.allow_writes = true;
-    config.watchdog_ms = 2000;
-    let reader = ServoReader::start(&config).unwrap();
-    eventually(&reader, "read", all_read);
+    let reader = driven(pty.path(), 1);
     let mut newest = reader.command(0, WriteCommand::Torque(true)).unwrap();
     drop(pty);
     eventually(&reader, "taken", |_| reader.outcome(0, newest).is_some());
@@ -99,11 +102,7 @@ fn a_motor_that_is_to_be_off_while_the_port_is_away_is_when_it_is_back() {
     let name = folder.path().join("servos");
     let before = pty(2);
     std::os::unix::fs::symlink(before.path(), &name).unwrap();
-    let mut config = config(&name, 2);
-    config.allow_writes = true;
-    config.watchdog_ms = 2000;
-    let reader = ServoReader::start(&config).unwrap();
-    eventually(&reader, "read", all_read);
+    let reader = driven(&name, 2);
     std::fs::remove_file(&name).unwrap();
     drop(before);
     eventually(&reader, "gone", |_| {
@@ -143,11 +142,7 @@ fn a_motor_that_is_to_be_off_while_the_port_is_away_is_when_it_is_back() {
 fn who_ends_with_a_motor_of_which_nobody_knows_whether_it_is_off_can_tell() {
     for away in [false, true] {
         let pty = pty(2);
-        let mut config = config(pty.path(), 2);
-        config.allow_writes = true;
-        config.watchdog_ms = 2000;
-        let reader = ServoReader::start(&config).unwrap();
-        eventually(&reader, "read", all_read);
+        let reader = driven(pty.path(), 2);
         for joint in 0..2 {
             let number = reader.command(joint, WriteCommand::Torque(true)).unwrap();
             eventually(&reader, "on", |_| reader.outcome(joint, number).is_some());
@@ -199,11 +194,7 @@ fn each_command_is_told_what_became_of_it_whatever_became_of_later_ones_to_the_s
     use WriteCommand::{GoalPwm, Start, Torque};
     let not_on = WriteError::NotTaken(WriteRefused::MotorOff(0));
     let pty = pty(1);
-    let mut config = config(pty.path(), 1);
-    config.allow_writes = true;
-    config.watchdog_ms = 2000;
-    let reader = ServoReader::start(&config).unwrap();
-    eventually(&reader, "read", all_read);
+    let reader = driven(pty.path(), 1);
     // Given at once, and looked at only when the last is done with.
     let given = [
         (GoalPwm(1), Err(not_on)),
@@ -223,11 +214,7 @@ fn each_command_is_told_what_became_of_it_whatever_became_of_later_ones_to_the_s
 #[test]
 fn what_a_torque_off_overtakes_is_told_so_however_far_it_has_come() {
     let pty = pty(1);
-    let mut config = config(pty.path(), 1);
-    config.allow_writes = true;
-    config.watchdog_ms = 2000;
-    let reader = ServoReader::start(&config).unwrap();
-    eventually(&reader, "read", all_read);
+    let reader = driven(pty.path(), 1);
     pty.bus().set_fault(1, Some(ServoFault::Silent), 1);
     // So many that some still wait for the thread.
     let starts: Vec<u64> = (0..40)
@@ -246,11 +233,7 @@ fn what_a_torque_off_overtakes_is_told_so_however_far_it_has_come() {
 #[test]
 fn that_a_motor_is_off_is_told_before_the_others_are_read() {
     let pty = pty(2);
-    let mut config = config(pty.path(), 2);
-    config.allow_writes = true;
-    config.watchdog_ms = 2000;
-    let reader = ServoReader::start(&config).unwrap();
-    eventually(&reader, "read", all_read);
+    let reader = driven(pty.path(), 2);
     // Each cycle waits for it.
     let late = ServoFault::Late { by_ns: 200_000_000 };
     pty.bus().set_fault(2, Some(late), 1);
@@ -278,11 +261,7 @@ fn that_a_motor_is_off_is_told_before_the_others_are_read() {
 fn goals_that_are_given_without_end_beside_motors_that_are_switched_off_without_end_are_taken_cycle_by_cycle()
 {
     let pty = pty(2);
-    let mut config = config(pty.path(), 2);
-    config.allow_writes = true;
-    config.watchdog_ms = 2000;
-    let reader = ServoReader::start(&config).unwrap();
-    eventually(&reader, "read", all_read);
+    let reader = driven(pty.path(), 2);
     let number = reader.command(1, WriteCommand::Start(0)).unwrap();
     eventually(&reader, "on", |_| reader.outcome(1, number) == Some(Ok(())));
     let is_over = AtomicBool::new(false);
