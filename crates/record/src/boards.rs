@@ -1,6 +1,6 @@
 //! A recording of named counts, board by board: `{board}B{taxel}X`, `..Y`, `..Z`.
 
-use crate::csv_columns::taxel_of;
+use crate::csv::taxel_of;
 use crate::recording::{Frames, Recording};
 
 impl Recording {

@@ -15,13 +15,6 @@
 mod boards;
 mod clock_name;
 mod csv;
-mod csv_axes;
-mod csv_clock;
-mod csv_columns;
-mod csv_forms;
-mod csv_grid;
-mod csv_lines;
-mod csv_preamble;
 mod error;
 mod idle;
 mod kind;

@@ -1,7 +1,7 @@
 //! What is said of tables that are refused.
 
 use super::*;
-use crate::csv_lines::MAX_COLUMNS;
+use crate::csv::lines::MAX_COLUMNS;
 
 #[test]
 fn a_line_without_end_is_refused_before_it_takes_the_memory() {

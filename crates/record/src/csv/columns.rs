@@ -1,23 +1,23 @@
 //! What the columns of a csv file are.
 
+use super::axes::{by_numbers, named_axes};
+use super::grid::by_grid;
 use crate::clock_name::{ClockName, in_two_columns, last_part};
-use crate::csv_axes::{by_numbers, named_axes};
-use crate::csv_grid::by_grid;
 use crate::table::{ColumnNames, ReadOptions, TimeUnit};
 use csv::ByteRecord;
 use std::collections::BTreeMap;
 
 /// What the columns of a csv file are.
 #[derive(Debug)]
-pub(crate) struct LineColumns {
+pub(super) struct LineColumns {
     /// Number of columns that the header, or the first line without one, has.
-    pub(crate) columns: Option<usize>,
+    pub(super) columns: Option<usize>,
     /// The column that is time, and its unit.
-    pub(crate) time: Option<(usize, TimeUnit)>,
+    pub(super) time: Option<(usize, TimeUnit)>,
     /// What that column is called, where the name says no unit.
-    pub(crate) unitless: Option<String>,
+    pub(super) unitless: Option<String>,
     /// What the header calls them.
-    pub(crate) names: ColumnNames,
+    pub(super) names: ColumnNames,
     kind: Kind,
     resolved: Option<Places>,
 }
@@ -35,14 +35,14 @@ enum Kind {
 
 /// Where in a line the values and the joint angles are, in their order.
 #[derive(Debug, Clone, Default)]
-pub(crate) struct Places {
-    pub(crate) values: Vec<usize>,
-    pub(crate) joints: Vec<usize>,
+pub(super) struct Places {
+    pub(super) values: Vec<usize>,
+    pub(super) joints: Vec<usize>,
 }
 
 impl LineColumns {
     /// Without a header.
-    pub(crate) fn of_plain(options: &ReadOptions) -> Self {
+    pub(super) fn of_plain(options: &ReadOptions) -> Self {
         Self {
             columns: None,
             time: options.time_column.map(|unit| (0, unit)),
@@ -56,7 +56,7 @@ impl LineColumns {
     }
 
     /// By the names of a header. `is_index_time`: a first column without a name is time, rather than numbers of frames.
-    pub(crate) fn of_header(
+    pub(super) fn of_header(
         record: &ByteRecord,
         options: &ReadOptions,
         is_index_time: bool,
@@ -166,12 +166,12 @@ impl LineColumns {
     }
 
     /// Whether the header says that the values are counts.
-    pub(crate) fn are_counts(&self) -> bool {
+    pub(super) fn are_counts(&self) -> bool {
         matches!(self.kind, Kind::Counts(_))
     }
 
     /// Where what is, in lines of so many columns.
-    pub(crate) fn resolve(&mut self, columns: usize) -> Result<&Places, String> {
+    pub(super) fn resolve(&mut self, columns: usize) -> Result<&Places, String> {
         if self.resolved.is_none() {
             let first = usize::from(self.time.is_some());
             self.resolved = Some(match &self.kind {
@@ -278,7 +278,7 @@ fn is_counter(column: usize, name: &str) -> bool {
 }
 
 /// Whether it is the column that pandas writes first without a name, or what it calls that when it has read it.
-pub(crate) fn is_unnamed(column: usize, name: &str) -> bool {
+pub(super) fn is_unnamed(column: usize, name: &str) -> bool {
     (column == 0 && name.is_empty()) || name.eq_ignore_ascii_case("unnamed: 0")
 }
 
@@ -332,7 +332,7 @@ impl Axis {
 }
 
 /// A cell without its quotes and the blanks around it.
-pub(crate) fn cell(bytes: &[u8]) -> Result<&str, String> {
+pub(super) fn cell(bytes: &[u8]) -> Result<&str, String> {
     let text = std::str::from_utf8(bytes).map_err(|_| "not UTF-8 text")?;
     Ok(text.trim().trim_matches('"'))
 }

@@ -7,7 +7,7 @@ use std::collections::BTreeSet;
 ///
 /// # Errors
 /// Where they say which is the row and which the column, and have every cell of a grid of other sides.
-pub(crate) fn by_grid(
+pub(super) fn by_grid(
     values: &mut Vec<usize>,
     axes: usize,
     names: &[&str],

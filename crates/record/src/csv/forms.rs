@@ -1,7 +1,7 @@
 //! Tables of a form that is refused with what makes another of it.
 
-use crate::csv_columns::cell;
-use crate::csv_lines::Lines;
+use super::columns::cell;
+use super::lines::Lines;
 use csv::ByteRecord;
 use std::collections::{BTreeMap, BTreeSet};
 use std::fs::File;
@@ -13,7 +13,7 @@ use taxel_hand::shell_word;
 const LINES: usize = 4;
 
 /// Refuses a table whose columns have several lines of names, as pandas writes those of a `MultiIndex`.
-pub(crate) fn refuse_lines_of_names(path: &Path, delimiter: u8) -> Result<(), String> {
+pub(super) fn refuse_lines_of_names(path: &Path, delimiter: u8) -> Result<(), String> {
     let Some(levels) = first_lines(path, delimiter).as_deref().and_then(levels) else {
         return Ok(());
     };
@@ -85,7 +85,7 @@ fn count_on(cells: &[&str]) -> bool {
 
 /// Whether a second line begins with a name, and the first has none behind its first cell: those of a table whose lines are
 /// taxels.
-pub(crate) fn is_turned(first: &ByteRecord, second: &ByteRecord) -> bool {
+pub(super) fn is_turned(first: &ByteRecord, second: &ByteRecord) -> bool {
     let has_numbers = |record: &ByteRecord| {
         record
             .iter()
@@ -105,7 +105,7 @@ fn is_number(cell: &str) -> bool {
 }
 
 /// Refuses the header of python-can's `CSVWriter`, `can/io/csv.py`.
-pub(crate) fn refuse_log_of_python_can(header: &ByteRecord, path: &Path) -> Result<(), String> {
+pub(super) fn refuse_log_of_python_can(header: &ByteRecord, path: &Path) -> Result<(), String> {
     if header.iter().take(2).ne([&b"timestamp"[..], b"arbitration_id"]) {
         return Ok(());
     }

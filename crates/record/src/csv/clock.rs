@@ -1,14 +1,14 @@
 //! Times in a table: their columns where no name says so, and their cells.
 
-use crate::csv_columns::cell;
+use super::columns::cell;
 use crate::table::TimeUnit;
 use csv::ByteRecord;
 
 /// Lines that show whether a column without a name is time.
-pub(crate) const LINES: usize = 100;
+pub(super) const LINES: usize = 100;
 
 /// Whether these cells rise as times do, and not as numbers of frames: one is no whole number, or the first is far from 0.
-pub(crate) fn is_clock<'a>(cells: impl Iterator<Item = &'a ByteRecord>) -> bool {
+pub(super) fn is_clock<'a>(cells: impl Iterator<Item = &'a ByteRecord>) -> bool {
     let number = |record: &ByteRecord| {
         let first = record
             .get(0)
@@ -24,7 +24,7 @@ pub(crate) fn is_clock<'a>(cells: impl Iterator<Item = &'a ByteRecord>) -> bool 
 }
 
 /// The unit in which these would be times of these years, one after another.
-pub(crate) fn unit_since_1970(times: &[f64]) -> Option<TimeUnit> {
+pub(super) fn unit_since_1970(times: &[f64]) -> Option<TimeUnit> {
     let units = [TimeUnit::S, TimeUnit::Ms, TimeUnit::Us, TimeUnit::Ns];
     let is_in = |unit: &TimeUnit| {
         let second = 10f64.powi(9 - unit.decimals());
@@ -40,7 +40,7 @@ fn rises(times: &[f64]) -> bool {
 }
 
 /// The unit in which a clock of these years is at a number beyond its seconds.
-pub(crate) fn unit_beyond_seconds(number: f64) -> &'static str {
+pub(super) fn unit_beyond_seconds(number: f64) -> &'static str {
     match number {
         ..1e14 => "ms",
         ..1e17 => "us",
@@ -50,7 +50,7 @@ pub(crate) fn unit_beyond_seconds(number: f64) -> &'static str {
 
 /// The time of a cell that holds this number. Nanoseconds since 1970 are more than a number of 53 bits can hold, in
 /// whatever unit they are written: its digits are taken as they stand there, and rounded below a nanosecond.
-pub(crate) fn time_ns(bytes: &[u8], number: f64, unit: TimeUnit) -> Option<u64> {
+pub(super) fn time_ns(bytes: &[u8], number: f64, unit: TimeUnit) -> Option<u64> {
     let exact = cell(bytes).ok().and_then(|text| exact_ns(text, unit));
     exact.or_else(|| {
         let time_ns = (number * 10f64.powi(unit.decimals())).round();

@@ -1,7 +1,7 @@
 //! What stands before a table in its file: lines of a key and a value, as loggers write them.
 
-use crate::csv_columns::cell;
-use crate::csv_lines::Lines;
+use super::columns::cell;
+use super::lines::Lines;
 use csv::ByteRecord;
 use std::fs::File;
 use std::io::{BufReader, Read};
@@ -13,7 +13,7 @@ const LINES: usize = 1000;
 const TABLE: usize = 4;
 
 /// The line at which a table wider than `width` seems to begin in a file; `None` where none does, and for what is no file.
-pub(crate) fn table_begin(path: &Path, delimiter: u8, width: usize) -> Option<u64> {
+pub(super) fn table_begin(path: &Path, delimiter: u8, width: usize) -> Option<u64> {
     if !path.is_file() {
         return None;
     }
@@ -41,7 +41,7 @@ pub(crate) fn table_begin(path: &Path, delimiter: u8, width: usize) -> Option<u6
 }
 
 /// Whether any cell of a line is a number.
-pub(crate) fn has_number(record: &ByteRecord) -> bool {
+pub(super) fn has_number(record: &ByteRecord) -> bool {
     let is_number = |bytes| cell(bytes).is_ok_and(|cell| cell.parse::<f64>().is_ok());
     record.iter().any(is_number)
 }

@@ -10,7 +10,7 @@ const MAX_PIECES: usize = 8;
 
 /// The columns of names that are in threes x, y and z of a taxel, such as `txl1_x` or `Bx1`; none where most are not.
 /// Taxels stand in the order of their first columns, those whose names differ by one number in the order of that number.
-pub(crate) fn named_axes(
+pub(super) fn named_axes(
     skin: &[usize],
     names: &[&str],
     has_joints: bool,
@@ -73,7 +73,7 @@ pub(crate) fn named_axes(
 
 /// Columns of values in the order of the numbers in their names, and which other one they stand in: that of these names as
 /// texts, `s0`, `s1`, `s10`, `s2`, as whoever sorts names without looking at the numbers has them, or the numbers' reverse.
-pub(crate) fn by_numbers(values: &[usize], names: &[&str]) -> Option<(Vec<usize>, &'static str)> {
+pub(super) fn by_numbers(values: &[usize], names: &[&str]) -> Option<(Vec<usize>, &'static str)> {
     let mut columns: Vec<(String, usize)> = values.iter().map(|c| (names[*c].to_owned(), *c)).collect();
     let is_of_texts = columns.is_sorted_by(|(a, _), (b, _)| a < b);
     sort_by_numbers(&mut columns);

@@ -6,27 +6,27 @@ use std::io::{self, BufRead, Read, Take};
 use std::path::Path;
 
 /// Bytes that one line may have: 20 for each of 200,000 numbers.
-pub(crate) const LINE_BYTES: u64 = 4 << 20;
+pub(super) const LINE_BYTES: u64 = 4 << 20;
 /// Columns that a line may have: three axes of as many taxels as a hand can have, and room for times and joints.
-pub(crate) const MAX_COLUMNS: usize = 200_000;
+pub(super) const MAX_COLUMNS: usize = 200_000;
 
-pub(crate) fn unreadable(path: &Path, line: u64, reason: String) -> RecordError {
+pub(super) fn unreadable(path: &Path, line: u64, reason: String) -> RecordError {
     RecordError::unreadable(format_args!("{}:{line}", path.display()), reason)
 }
 
 /// The lines of a file that say something, cut into cells.
-pub(crate) struct Lines<'a, R> {
+pub(super) struct Lines<'a, R> {
     path: &'a Path,
     reader: Reader<Take<EmptyCells<R>>>,
     delimiter: u8,
     /// The newest line.
-    pub(crate) record: ByteRecord,
+    pub(super) record: ByteRecord,
     /// Its number, from 1 on.
-    pub(crate) number: u64,
+    pub(super) number: u64,
 }
 
 impl<'a, R: BufRead> Lines<'a, R> {
-    pub(crate) fn new(path: &'a Path, whole: R, delimiter: u8) -> Self {
+    pub(super) fn new(path: &'a Path, whole: R, delimiter: u8) -> Self {
         let reader = ReaderBuilder::new()
             .has_headers(false)
             .flexible(true)
@@ -44,7 +44,7 @@ impl<'a, R: BufRead> Lines<'a, R> {
     }
 
     /// Reads the next line; false at the end of the file.
-    pub(crate) fn read(&mut self) -> Result<bool, RecordError> {
+    pub(super) fn read(&mut self) -> Result<bool, RecordError> {
         loop {
             let has_record = self.reader.read_byte_record(&mut self.record);
             let has_record = has_record.map_err(|e| RecordError::io(self.path)(e.into()))?;

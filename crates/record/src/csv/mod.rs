@@ -1,10 +1,21 @@
 //! Tables of numbers as `.csv`.
 
-use crate::csv_clock::{self, is_clock, time_ns, unit_beyond_seconds, unit_since_1970};
-use crate::csv_columns::{LineColumns, cell, is_unnamed};
-use crate::csv_forms::{is_turned, refuse_lines_of_names, refuse_log_of_python_can};
-use crate::csv_lines::{LINE_BYTES, Lines, unreadable};
-use crate::csv_preamble::{has_number, table_begin};
+mod axes;
+mod clock;
+mod columns;
+mod forms;
+mod grid;
+mod lines;
+mod preamble;
+
+pub(crate) use columns::taxel_of;
+
+use clock::{is_clock, time_ns, unit_beyond_seconds, unit_since_1970};
+use columns::{LineColumns, cell, is_unnamed};
+use forms::{is_turned, refuse_lines_of_names, refuse_log_of_python_can};
+use lines::{LINE_BYTES, Lines, unreadable};
+use preamble::{has_number, table_begin};
+
 use crate::error::RecordError;
 use crate::numpy::npy::MAX_NUMBERS;
 use crate::table::{ColumnNames, Columns, ReadOptions, Table};
@@ -178,7 +189,7 @@ fn is_index_clock(path: &Path, delimiter: u8) -> Result<bool, RecordError> {
     let file = File::open(path).map_err(RecordError::io(path))?;
     let mut lines = Lines::new(path, BufReader::new(file).chain(&b"\n"[..]), delimiter);
     let mut records = Vec::new();
-    while records.len() <= csv_clock::LINES && lines.read()? {
+    while records.len() <= clock::LINES && lines.read()? {
         if !lines.record[0].starts_with(b"sep=") {
             records.push(ByteRecord::from(vec![&lines.record[0]]));
         }
