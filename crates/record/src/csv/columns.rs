@@ -88,38 +88,7 @@ impl LineColumns {
         let other_times = times.into_iter().filter(|other| Some(*other) != column);
         let mut left_out: Vec<usize> = counters.into_iter().chain(other_times).collect();
         left_out.sort_unstable();
-        let mut joints: BTreeMap<u32, usize> = BTreeMap::new();
-        let mut skin = Vec::new();
-        for column in rest {
-            match joint_number(names[column]) {
-                Some(number) if joints.insert(number, column).is_some() => {
-                    return Err(format!(
-                        "joint {number} has two columns, the second is {:?}",
-                        names[column]
-                    ));
-                }
-                Some(_) => {}
-                None => skin.push(column),
-            }
-        }
-        if !joints.is_empty() && options.joint_columns > 0 {
-            return Err("the header names the joints' columns; leave --joint-columns out".into());
-        }
-        let numbers: Vec<u32> = joints.keys().copied().collect();
-        if let Some([before, behind]) = numbers.windows(2).find(|pair| pair[1] - pair[0] > 1) {
-            return Err(format!(
-                "joint {} has no column, and {before} and {behind} have one; give it one, of empty cells where it was not read",
-                before + 1
-            ));
-        }
-        let mut joints: Vec<usize> = joints.into_values().collect();
-        if options.joint_columns > 0 {
-            let kept = skin
-                .len()
-                .checked_sub(options.joint_columns)
-                .filter(|kept| *kept > 0);
-            joints = skin.split_off(kept.ok_or_else(|| no_taxel(names.len(), options.joint_columns))?);
-        }
+        let (joints, skin) = joints_and_skin(rest, &names, options.joint_columns)?;
         let axes: Vec<Option<Axis>> = skin.iter().map(|column| Axis::of_name(names[*column])).collect();
         let are_of_boards = axes.iter().any(Option::is_some);
         if are_of_boards && options.columns.is_some() {
@@ -238,6 +207,44 @@ impl Split {
             rest,
         }
     }
+}
+
+/// The columns of joint angles, in the order of their numbers, or the last so many where no name is one's, and the others.
+fn joints_and_skin(
+    columns: Vec<usize>,
+    names: &[&str],
+    joint_columns: usize,
+) -> Result<(Vec<usize>, Vec<usize>), String> {
+    let mut joints: BTreeMap<u32, usize> = BTreeMap::new();
+    let mut skin = Vec::new();
+    for column in columns {
+        match joint_number(names[column]) {
+            Some(number) if joints.insert(number, column).is_some() => {
+                return Err(format!(
+                    "joint {number} has two columns, the second is {:?}",
+                    names[column]
+                ));
+            }
+            Some(_) => {}
+            None => skin.push(column),
+        }
+    }
+    if joint_columns > 0 {
+        if !joints.is_empty() {
+            return Err("the header names the joints' columns; leave --joint-columns out".into());
+        }
+        let kept = skin.len().checked_sub(joint_columns).filter(|kept| *kept > 0);
+        let kept = kept.ok_or_else(|| no_taxel(names.len(), joint_columns))?;
+        return Ok((skin.split_off(kept), skin));
+    }
+    let numbers: Vec<u32> = joints.keys().copied().collect();
+    if let Some([before, behind]) = numbers.windows(2).find(|pair| pair[1] - pair[0] > 1) {
+        return Err(format!(
+            "joint {} has no column, and {before} and {behind} have one; give it one, of empty cells where it was not read",
+            before + 1
+        ));
+    }
+    Ok((joints.into_values().collect(), skin))
 }
 
 /// The columns of named counts, in the order of their taxels.

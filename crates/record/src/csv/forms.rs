@@ -4,8 +4,6 @@ use super::columns::cell;
 use super::lines::Lines;
 use csv::ByteRecord;
 use std::collections::{BTreeMap, BTreeSet};
-use std::fs::File;
-use std::io::{BufReader, Read};
 use std::path::Path;
 use taxel_hand::shell_word;
 
@@ -25,11 +23,7 @@ pub(super) fn refuse_lines_of_names(path: &Path, delimiter: u8) -> Result<(), St
 
 /// The first lines of a file; none of what is no file.
 fn first_lines(path: &Path, delimiter: u8) -> Option<Vec<Vec<String>>> {
-    if !path.is_file() {
-        return None;
-    }
-    let file = BufReader::new(File::open(path).ok()?);
-    let mut lines = Lines::new(path, file.chain(&b"\n"[..]), delimiter);
+    let mut lines = Lines::of_file(path, delimiter).ok()??;
     let mut first = Vec::new();
     while first.len() < LINES && lines.read().ok()? {
         let cells = lines.record.iter().map(|bytes| cell(bytes).map(str::to_owned));

@@ -2,7 +2,8 @@
 
 use crate::error::RecordError;
 use csv::{ByteRecord, Reader, ReaderBuilder, Terminator};
-use std::io::{self, BufRead, Read, Take};
+use std::fs::File;
+use std::io::{self, BufRead, BufReader, Chain, Read, Take};
 use std::path::Path;
 
 /// Bytes that one line may have: 20 for each of 200,000 numbers.
@@ -23,6 +24,17 @@ pub(super) struct Lines<'a, R> {
     pub(super) record: ByteRecord,
     /// Its number, from 1 on.
     pub(super) number: u64,
+}
+
+impl<'a> Lines<'a, Chain<BufReader<File>, &'static [u8]>> {
+    /// Those of a file, to be looked at beside what is read; none of what is no file, and can be read only once.
+    pub(super) fn of_file(path: &'a Path, delimiter: u8) -> io::Result<Option<Self>> {
+        if !path.is_file() {
+            return Ok(None);
+        }
+        let file = BufReader::new(File::open(path)?);
+        Ok(Some(Self::new(path, file.chain(b"\n"), delimiter)))
+    }
 }
 
 impl<'a, R: BufRead> Lines<'a, R> {

@@ -6,15 +6,18 @@ mod columns;
 mod forms;
 mod grid;
 mod lines;
+mod no_frame;
+mod number;
 mod preamble;
 
 pub(crate) use columns::taxel_of;
 
 use clock::{is_clock, time_ns, unit_beyond_seconds, unit_since_1970};
 use columns::{LineColumns, cell, is_unnamed};
-use forms::{is_turned, refuse_lines_of_names, refuse_log_of_python_can};
+use forms::{refuse_lines_of_names, refuse_log_of_python_can};
 use lines::{LINE_BYTES, Lines, unreadable};
-use preamble::{has_number, table_begin};
+use no_frame::NoFrame;
+use number::number;
 
 use crate::error::RecordError;
 use crate::numpy::npy::MAX_NUMBERS;
@@ -27,12 +30,6 @@ use taxel_hand::plural;
 
 /// What some spreadsheets begin a file with.
 const BYTE_ORDER_MARK: &[u8] = "\u{feff}".as_bytes();
-/// How it is said that a cell has several numbers: what separates is taken from the first line.
-const NO_SEPARATOR: &str = ", but several, which the first line does not separate so";
-/// Characters of a cell that are quoted.
-const QUOTED: usize = 40;
-/// How it is said that a cell is text.
-const NO_NUMBER: &str = "which is not a number";
 /// Numbers 0, 1, 2, ... from which on a first line of them may be pandas' names of columns.
 const FEWEST_NUMBERS: usize = 4;
 
@@ -63,12 +60,12 @@ pub(crate) fn read(path: &Path, options: &ReadOptions) -> Result<Table, RecordEr
     let delimiter = delimiter(&head);
     let mut lines = Lines::new(path, whole, delimiter);
     let mut frames = Frames::new(LineColumns::of_plain(options));
-    let mut is_first = true;
     let mut lines_before = 0;
     let mut first: Option<ByteRecord> = None;
     while lines.read()? {
         let refuse = |reason| unreadable(path, lines.number, reason);
         let record = &mut lines.record;
+        let is_first = first.is_none();
         // What tells spreadsheets how columns are separated.
         if is_first && record[0].starts_with(b"sep=") {
             continue;
@@ -92,7 +89,7 @@ pub(crate) fn read(path: &Path, options: &ReadOptions) -> Result<Table, RecordEr
         if is_cut {
             record.truncate(record.len() - 1);
         }
-        if std::mem::take(&mut is_first) && is_header(record) {
+        if is_first && is_header(record) {
             refuse_log_of_python_can(record, path).map_err(refuse)?;
             let is_index_time = has_index(record) && is_index_clock(path, delimiter)?;
             frames.meaning = LineColumns::of_header(record, options, is_index_time).map_err(refuse)?;
@@ -113,63 +110,19 @@ pub(crate) fn read(path: &Path, options: &ReadOptions) -> Result<Table, RecordEr
             if begins_with_numbers {
                 frames.names_line = Some(lines.number);
             }
-            let taken = frames.take(record);
-            if taken.is_err() && lines_before > 0 && first.as_ref() == Some(record) {
-                return Err(refuse(format!(
-                    "the header stands here again, as where another recording begins; take them apart: `head -n {}` is what is \
-                     before it, `tail -n +{}` the rest",
-                    lines.number - 1,
-                    lines.number
-                )));
+            if let Err(reason) = frames.take(record) {
+                let no_frame = NoFrame {
+                    path,
+                    delimiter,
+                    record: record.clone(),
+                    line: lines.number,
+                    lines_before,
+                    first: &first.unwrap_or_default(),
+                    frames: &frames,
+                    reason,
+                };
+                return Err(unreadable(path, lines.number, no_frame.told(|| lines.read())?));
             }
-            let may_be_turned =
-                lines_before == 1 && first.as_ref().is_some_and(|first| is_turned(first, record));
-            if let (Err(reason), true) = (&taken, may_be_turned) {
-                return Err(refuse(format!(
-                    "{reason}; where lines are taxels, and columns frames, turn the table: in pandas df.T; else cut that column out"
-                )));
-            }
-            if let Err(reason) = &taken
-                && frames.is_cut_off(record.len(), reason)
-            {
-                let line = lines.number;
-                let end = if lines.read()? { "" } else { CUT_OFF };
-                return Err(unreadable(path, line, format!("{reason}{end}")));
-            }
-            taken.map_err(|reason| {
-                let is_text = frames.is_behind_header() && reason.ends_with(NO_NUMBER);
-                // As in a preamble, which is taken for the header.
-                let has_number = has_number(record);
-                let is_other = frames.meaning.columns != Some(record.len()) || !has_number;
-                let width = frames.meaning.columns.filter(|width| frames.is_behind_header() && *width > record.len());
-                let begins_here = record.len() == 1 && reason.contains(NO_SEPARATOR);
-                let narrower = frames.meaning.columns.filter(|width| lines_before == 1 && *width < record.len());
-                let begin = table_begin(path, delimiter, record.len()).filter(|_| is_text);
-                if let Some(begin) = begin {
-                    return refuse(format!(
-                        "{reason}; the table seems to begin at line {begin}: cut off what is before it (`tail -n +{begin}`)"
-                    ));
-                }
-                refuse(match (is_text, is_other) {
-                    (false, _) if frames.is_behind_header() && narrower == Some(record.len() - 1) => format!(
-                        "{reason}; where the first has no name, as R's names of rows, give it one"
-                    ),
-                    _ if begins_here || !is_text && narrower.is_some() => format!(
-                        "{reason}; where the table begins here, cut off what is before it (`tail -n +{}`)",
-                        lines.number
-                    ),
-                    (true, _) if has_number && width.is_some() => format!(
-                        "{reason}; the header has {} names, and this line {} cells",
-                        width.unwrap_or_default(),
-                        record.len()
-                    ),
-                    (true, true) => format!(
-                        "{reason}; where the table begins further down, cut off what is before it (`tail -n +N`)"
-                    ),
-                    (true, false) => format!("{reason}; cut that column out"),
-                    (false, _) => reason,
-                })
-            })?;
         }
         lines_before += 1;
     }
@@ -183,11 +136,9 @@ fn has_index(header: &ByteRecord) -> bool {
 
 /// Whether the first column of a file with a header is a clock by its first lines.
 fn is_index_clock(path: &Path, delimiter: u8) -> Result<bool, RecordError> {
-    if !path.is_file() {
+    let Some(mut lines) = Lines::of_file(path, delimiter).map_err(RecordError::io(path))? else {
         return Ok(false);
-    }
-    let file = File::open(path).map_err(RecordError::io(path))?;
-    let mut lines = Lines::new(path, BufReader::new(file).chain(&b"\n"[..]), delimiter);
+    };
     let mut records = Vec::new();
     while records.len() <= clock::LINES && lines.read()? {
         if !lines.record[0].starts_with(b"sep=") {
@@ -225,18 +176,6 @@ impl Frames {
             joints: Vec::new(),
             row: Vec::new(),
         }
-    }
-
-    /// Whether there was a header and nothing else.
-    fn is_behind_header(&self) -> bool {
-        self.frames == 0 && self.meaning.columns.is_some()
-    }
-
-    /// Whether a line that is not taken for this reason may be one that was not written to its end.
-    fn is_cut_off(&self, cells: usize, reason: &str) -> bool {
-        let columns = self.meaning.columns.unwrap_or_default();
-        let is_short = cells < columns && !reason.contains(NO_SEPARATOR);
-        self.frames > 0 && (is_short || reason.ends_with(NO_NUMBER))
     }
 
     /// Takes the numbers of a line.
@@ -466,46 +405,6 @@ fn are_numbers_of_columns(record: &ByteRecord) -> bool {
 fn are_numbers<'a>(cells: impl Iterator<Item = &'a [u8]>) -> bool {
     let mut cells = cells.map(cell).enumerate();
     cells.all(|(number, cell)| cell.is_ok_and(|cell| cell == number.to_string()))
-}
-
-/// What is to be done with a last line that was not written to its end.
-const CUT_OFF: &str =
-    "; it is the last line: where it was cut off, as when a program was killed, `sed '$d'` leaves it out";
-/// What others write where there is no value.
-const NO_VALUE: [&str; 7] = ["na", "n/a", "#n/a", "null", "none", "-", "nil"];
-
-/// The number of a cell; not a number where it is empty.
-fn number(column: usize, bytes: &[u8]) -> Result<f64, String> {
-    let text = cell(bytes)?;
-    if text.is_empty() {
-        return Ok(f64::NAN);
-    }
-    text.parse().map_err(|_| {
-        let quoted = match text.char_indices().nth(QUOTED) {
-            Some((end, _)) => format!("{}..", &text[..end]),
-            None => text.into(),
-        };
-        let advice = match text.as_bytes() {
-            [a, b, c, d, b'-', ..] if [a, b, c, d].iter().all(|digit| digit.is_ascii_digit()) => {
-                ", but a date; times are numbers: in pandas t = pandas.to_datetime(df.NAME); df.NAME = (t - t[0]).dt.total_seconds()"
-            }
-            [b'0'..=b'9', ..] if text.contains(':') => {
-                ", but a time of day; times are numbers: in pandas t = pandas.to_timedelta(df.NAME); df.NAME = (t - t[0]).dt.total_seconds()"
-            }
-            [b'[', ..] => ", a list; write its values to columns of their own: in pandas pandas.DataFrame(df.NAME.tolist())",
-            _ if text.split([' ', '\t', ';', '|']).all(|cell| cell.parse::<f64>().is_ok()) => NO_SEPARATOR,
-            _ if text.contains(',') && text.contains('.') => {
-                "; thousands are not set apart: in pandas pandas.read_csv(NAME, thousands=\",\").to_csv(NEW, index=False)"
-            }
-            _ if text.contains(',') => {
-                "; decimals are written with a point: in pandas pandas.read_csv(NAME, sep=None, engine=\"python\", \
-                 decimal=\",\").to_csv(NEW, index=False)"
-            }
-            _ if NO_VALUE.iter().any(|word| word.eq_ignore_ascii_case(text)) => "; a cell without a value is left empty",
-            _ => "",
-        };
-        format!("column {} is {quoted:?}, {NO_NUMBER}{advice}", column + 1)
-    })
 }
 
 #[cfg(test)]

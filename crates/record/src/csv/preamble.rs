@@ -3,8 +3,6 @@
 use super::columns::cell;
 use super::lines::Lines;
 use csv::ByteRecord;
-use std::fs::File;
-use std::io::{BufReader, Read};
 use std::path::Path;
 
 /// Lines that are looked at.
@@ -14,11 +12,7 @@ const TABLE: usize = 4;
 
 /// The line at which a table wider than `width` seems to begin in a file; `None` where none does, and for what is no file.
 pub(super) fn table_begin(path: &Path, delimiter: u8, width: usize) -> Option<u64> {
-    if !path.is_file() {
-        return None;
-    }
-    let file = BufReader::new(File::open(path).ok()?);
-    let mut lines = Lines::new(path, file.chain(&b"\n"[..]), delimiter);
+    let mut lines = Lines::of_file(path, delimiter).ok()??;
     // Where lines of one width began, how wide they are, and how many there were.
     let (mut begin, mut columns, mut count) = (0, 0, 0);
     for _ in 0..LINES {
