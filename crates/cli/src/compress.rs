@@ -20,6 +20,7 @@ use taxel_playback::interrupt::Interrupt;
 use taxel_playback::output_file::{OutputFile, refuse_overlap};
 use taxel_playback::pipeline::Felt;
 use taxel_playback::progress::Progress;
+use taxel_record::ending_of;
 use taxel_skin::{Layout, Movement};
 use taxeld::Config;
 use taxeld::stdout;
@@ -319,14 +320,12 @@ impl Run {
 
 /// The format of a file for --frames.
 fn frame_format(path: &Path) -> anyhow::Result<FrameFormat> {
-    let ending = path.extension().and_then(|ending| ending.to_str());
-    let format =
-        FrameFormat::of_ending(&ending.unwrap_or_default().to_ascii_lowercase()).ok_or_else(|| {
-            wrong_use(format!(
-                "--frames {}: frames are written as .csv, .npz or .parquet",
-                path.display()
-            ))
-        })?;
+    let format = FrameFormat::of_ending(&ending_of(path)).ok_or_else(|| {
+        wrong_use(format!(
+            "--frames {}: frames are written as .csv, .npz or .parquet",
+            path.display()
+        ))
+    })?;
     format.check(path)?;
     Ok(format)
 }

@@ -8,7 +8,7 @@ use crate::recordings::offline::OfflineArgs;
 use anyhow::{Context, bail};
 use serde_json::json;
 use std::io::Write;
-use std::path::{Path, PathBuf};
+use std::path::PathBuf;
 use taxel_engine::TickMode;
 use taxel_hand::{Freshness, TactileFrame, shell_word};
 use taxel_playback::array_frames::{ArrayFrames, is_of_arrays};
@@ -20,7 +20,7 @@ use taxel_playback::progress::Progress;
 use taxel_playback::recorded;
 use taxel_playback::sweep::Sweeps;
 use taxel_playback::traffic_output::{Check, TrafficFormat, TrafficOutput};
-use taxel_record::Recording;
+use taxel_record::{Recording, ending_of};
 use taxel_recorder::Topic;
 use taxel_skin::Layout;
 use taxeld::stdout;
@@ -85,14 +85,10 @@ pub(crate) fn run(args: &Args) -> anyhow::Result<()> {
         ));
     }
     let ending = match (is_stdout, args.marks) {
-        (true, true) => Path::new("-.csv").extension(),
-        (true, false) => Path::new("-.log").extension(),
-        (false, _) => out.extension(),
+        (true, true) => "csv".into(),
+        (true, false) => "log".into(),
+        (false, _) => ending_of(out),
     };
-    let ending = ending
-        .and_then(|ending| ending.to_str())
-        .unwrap_or_default()
-        .to_ascii_lowercase();
     if args.images || args.marks {
         args.offline.refuse_profile(&out.display().to_string(), true)?;
         return extract(args, &ending);

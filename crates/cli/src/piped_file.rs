@@ -1,7 +1,7 @@
 //! What comes through a pipe, stdin or one with a name, as a file that can be read more than once; a recording as one of
 //! the kind that its first bytes tell.
 
-use anyhow::{Context, bail};
+use anyhow::{Context, anyhow, bail};
 use clap::builder::{PathBufValueParser, StringValueParser, TypedValueParser};
 use std::fs::File;
 use std::io::{IsTerminal, Read, Write};
@@ -123,10 +123,9 @@ fn spool(mut pipe: impl Read, name: &str) -> anyhow::Result<PathBuf> {
     let mut head = Vec::new();
     let read = pipe.by_ref().take(HEAD as u64).read_to_end(&mut head);
     read.with_context(|| name.to_owned())?;
-    if let Some(unpacks) = unpacks(&head) {
-        bail!("{name}: it is packed; `{unpacks} FILE | taxel COMMAND -` reads what is packed in it");
-    }
-    let path = path.with_extension(kind(&head).ending());
+    let kind = FileKind::of_bytes(&head)
+        .map_err(|packed| anyhow!("{name}: it is packed; {}", packed.is_read_by("FILE")))?;
+    let path = path.with_extension(kind.ending());
     copy(&head, &mut pipe, &path).with_context(|| path.display().to_string())?;
     stand_in::call(&path, name);
     Ok(path)
@@ -154,85 +153,4 @@ fn copy(head: &[u8], rest: &mut impl Read, path: &Path) -> std::io::Result<()> {
     let mut file = File::create(path)?;
     file.write_all(head)?;
     std::io::copy(rest, &mut file).map(drop)
-}
-
-/// The program that unpacks a file that begins so; `None` where it is not packed.
-fn unpacks(head: &[u8]) -> Option<&'static str> {
-    const MAGIC: [(&[u8], &str); 4] = [
-        (b"\x1f\x8b", "zcat"),
-        (b"\xfd7zXZ\0", "xzcat"),
-        (b"\x28\xb5\x2f\xfd", "zstdcat"),
-        (b"BZh", "bzcat"),
-    ];
-    let (_, program) = MAGIC.iter().find(|(magic, _)| head.starts_with(magic))?;
-    // The first column of a table may be called so.
-    let is_text = *program == "bzcat" && head.get(4..10) != Some(b"1AY&SY");
-    (!is_text).then_some(program)
-}
-
-/// The kind of a file that begins so.
-fn kind(head: &[u8]) -> FileKind {
-    const MAGIC: [(&[u8], FileKind); 3] = [
-        (b"\x89MCAP", FileKind::Mcap),
-        (b"\x93NUMPY", FileKind::Npy),
-        (b"PK\x03\x04", FileKind::Npz),
-    ];
-    if let Some((_, kind)) = MAGIC.iter().find(|(magic, _)| head.starts_with(magic)) {
-        return *kind;
-    }
-    let text = String::from_utf8_lossy(head);
-    let line = text
-        .lines()
-        .map(str::trim)
-        .find(|line| !line.is_empty())
-        .unwrap_or_default();
-    // `(1.5) can0 123#00`, or candump's own `  can0  123   [1]  00`, in colours or with ` RX - -` before the id.
-    let is_candump = line.starts_with(['(', '\x1b'])
-        || line
-            .split_whitespace()
-            .take(6)
-            .any(|word| word.starts_with(['[', '{']));
-    match is_candump {
-        true => FileKind::Log,
-        false => FileKind::Csv,
-    }
-}
-
-#[cfg(test)]
-mod tests {
-    use super::*;
-
-    #[test]
-    fn the_first_bytes_tell_what_unpacks_a_file() {
-        for (head, program) in [
-            (&b"\x1f\x8b\x08\0"[..], Some("zcat")),
-            (b"\xfd7zXZ\0\0\x04", Some("xzcat")),
-            (b"\x28\xb5\x2f\xfd\x04", Some("zstdcat")),
-            (b"BZh91AY&SY\x12", Some("bzcat")),
-            (b"BZh,b\n0,1,2\n", None),
-            (b"PK\x03\x04....", None),
-            (b"", None),
-        ] {
-            assert_eq!(unpacks(head), program, "{}", String::from_utf8_lossy(head));
-        }
-    }
-
-    #[test]
-    fn the_first_bytes_tell_the_kind_of_a_recording() {
-        for (head, ending) in [
-            (&b"\x89MCAP0\r\n"[..], "mcap"),
-            (b"\x93NUMPY\x01\x00", "npy"),
-            (b"PK\x03\x04....", "npz"),
-            (b"(1436509052.249713) vcan0 044#2A366C2BBA\n", "log"),
-            (b"\n  vcan0  044   [5]  2A 36 6C 2B BA\n", "log"),
-            (b" (000.000041)  vcan0  044   [1]  2A\n", "log"),
-            (b"  vcan0  RX - -  044   [1]  2A\n", "log"),
-            (b"  \x1b[31mvcan0\x1b[0m  044   [1]  2A\n", "log"),
-            (b"t,a,b\n0,1,2\n", "csv"),
-            (b"1;2;3\n", "csv"),
-            (b"", "csv"),
-        ] {
-            assert_eq!(kind(head).ending(), ending, "{}", String::from_utf8_lossy(head));
-        }
-    }
 }

@@ -2,8 +2,9 @@
 
 use crate::csv;
 use crate::error::RecordError;
-use crate::kind::FileKind;
+use crate::kind::{FileKind, ending_of};
 use crate::numpy::{npy, npz};
+use crate::packed::Packed;
 use crate::recording::Recording;
 use crate::table::{RATES_HZ, ReadOptions, Void};
 use std::path::Path;
@@ -48,8 +49,7 @@ impl Recording {
                 return refused("a folder; a recording is a file in it".into());
             }
             None => {
-                let extension = path.extension().and_then(|e| e.to_str()).unwrap_or("");
-                let other = extension.to_ascii_lowercase();
+                let other = ending_of(path);
                 let found = match other.as_str() {
                     "" => "nothing".into(),
                     other => format!(".{other}"),
@@ -71,11 +71,9 @@ impl Recording {
 /// How a recording is made of a file of another kind that people have.
 fn made_of(extension: &str, path: &Path) -> Option<String> {
     let file = shell_word(path.display());
-    let unpacked = |program: &str| {
-        Some(format!(
-            "`{program} {file} | taxel COMMAND -` reads what is packed in it"
-        ))
-    };
+    if let Some(packed) = Packed::of_ending(extension) {
+        return Some(packed.is_read_by(&file));
+    }
     match extension {
         "blf" | "asc" | "trc" | "db" | "mf4" => {
             let log = shell_word(path.with_extension("log").display());
@@ -83,10 +81,6 @@ fn made_of(extension: &str, path: &Path) -> Option<String> {
                 "`can_logconvert {file} {log}` of python-can makes a .log of it"
             ))
         }
-        "gz" => unpacked("zcat"),
-        "bz2" => unpacked("bzcat"),
-        "xz" => unpacked("xzcat"),
-        "zst" => unpacked("zstdcat"),
         "mat" => Some(
             "save the array in Python, time first: numpy.save(\"frames.npy\", scipy.io.loadmat(..)[\"NAME\"]), with \
              numpy.moveaxis(.., -1, 0) where time is its last axis"

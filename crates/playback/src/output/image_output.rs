@@ -8,7 +8,7 @@ use std::fs::File;
 use std::io::{BufWriter, Write};
 use std::path::Path;
 use taxel_hand::{Profile, TactileImage};
-use taxel_record::{ImageStack, ImageTable};
+use taxel_record::{ImageStack, ImageTable, ending_of};
 use taxel_skin::Layout;
 use taxel_wire::{Header, ImageView, encode_image_payload};
 
@@ -33,12 +33,7 @@ impl OutputFormat {
         if path.as_os_str() == "-" {
             return Ok(Self::Jsonl);
         }
-        let extension = path
-            .extension()
-            .and_then(|e| e.to_str())
-            .unwrap_or("")
-            .to_ascii_lowercase();
-        Ok(match extension.as_str() {
+        Ok(match ending_of(path).as_str() {
             "npz" => Self::Npz,
             "npy" => Self::Npy,
             "csv" => Self::Csv,
