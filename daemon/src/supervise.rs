@@ -12,7 +12,7 @@ use std::rc::Rc;
 use std::time::Duration;
 use taxel_can::LinkState;
 use taxel_diagnose::{
-    ANY_CHANGE_IS_CONTACT, BusView, Crowd, HandView, JointsReporter, JointsView, News, Severity,
+    ANY_CHANGE_IS_CONTACT, BusView, Crowd, DaemonView, HandView, JointsReporter, JointsView, News, Severity,
 };
 use taxel_hand::{Fault, plural};
 use taxel_serve::{LogLines, and_unsaid};
@@ -313,10 +313,12 @@ fn report_problems(state: &State, now: &Snapshot, joints: Option<&JointsView>, b
         unchanging: &now.unchanging,
         joints,
         boards_due,
-        reload_refused: refused.as_ref(),
-        sockets_lost: sockets_lost.as_deref(),
-        other_daemons: &other_daemons,
-        crowd: crowd.as_ref(),
+        daemon: DaemonView {
+            reload_refused: refused.as_ref(),
+            sockets_lost: sockets_lost.as_deref(),
+            other_daemons: &other_daemons,
+            crowd: crowd.as_ref(),
+        },
     };
     let news = (state.problems.borrow_mut()).handle_view(&state.config.hand_setup(), &view);
     for news in news {

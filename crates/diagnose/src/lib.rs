@@ -39,7 +39,7 @@ pub use problems::{CurrentProblem, Problems};
 pub use readers::Crowd;
 pub use reload::NotReloaded;
 pub use traffic::speaks_on;
-pub use view::{BusView, HandSetup, HandView, Starting};
+pub use view::{BusView, DaemonView, HandSetup, HandView, Starting};
 
 /// Of a contact threshold of 0, as the publication's rule makes it of two frames that are the same.
 pub const ANY_CHANGE_IS_CONTACT: &str =

@@ -119,9 +119,9 @@ impl Problems {
             };
             judge.judge(&mut self.patience, &mut self.angles_used, &mut found);
         }
-        found.extend(view.reload_refused.map(reload::refused));
-        found.extend(view.sockets_lost.map(sockets_lost));
-        found.extend(view.crowd.map(readers::turned_away));
+        found.extend(view.daemon.reload_refused.map(reload::refused));
+        found.extend(view.daemon.sockets_lost.map(sockets_lost));
+        found.extend(view.daemon.crowd.map(readers::turned_away));
         let joints = setup.joints.map(JointsConfig::joint_names).unwrap_or_default();
         self.replace(found, setup.layout, &joints)
     }

@@ -40,7 +40,12 @@ impl Sharing {
             heard.commands = bus.obeyed;
         }
         for index in 0..self.heard.len() {
-            let other = look.view.other_daemons.get(index).and_then(Option::as_deref);
+            let other = look
+                .view
+                .daemon
+                .other_daemons
+                .get(index)
+                .and_then(Option::as_deref);
             found.extend(match other {
                 Some(process) => Some(read_twice(look, index, process)),
                 None => self.commanded(look, index),

@@ -43,9 +43,16 @@ pub struct HandView<'a> {
     pub joints: Option<&'a JointsView>,
     /// Whether every board had the time to speak up since the start.
     pub boards_due: bool,
+    /// What a daemon knows of itself; nothing where whoever looks is none.
+    pub daemon: DaemonView<'a>,
+}
+
+/// What a daemon knows of itself and of others beside it.
+#[derive(Debug, Default, Clone, Copy)]
+pub struct DaemonView<'a> {
     /// Why the configuration that was to be read again last is not taken up; `None` where it was.
     pub reload_refused: Option<&'a NotReloaded>,
-    /// The daemon's sockets that nobody can connect to any more, and why; `None` where all can be reached.
+    /// Its sockets that nobody can connect to any more, and why; `None` where all can be reached.
     pub sockets_lost: Option<&'a str>,
     /// Of each bus, the process of another taxeld on this machine that reads it, in words; empty where nobody knows.
     pub other_daemons: &'a [Option<String>],

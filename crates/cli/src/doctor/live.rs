@@ -4,7 +4,7 @@
 use super::bus_listener::{BusListener, Listener};
 use super::hand::{BusFacts, HandFacts, NotedProblem, Unclaimed};
 use taxel_can::{CanFrame, LinkState, Received};
-use taxel_diagnose::{BusView, HandSetup, HandView, Problems};
+use taxel_diagnose::{BusView, DaemonView, HandSetup, HandView, Problems};
 use taxel_engine::Engine;
 use taxel_joints::JointFeed;
 use taxel_skin::{
@@ -332,10 +332,7 @@ impl HandListener<'_> {
             unchanging: &unchanging,
             joints: None,
             boards_due,
-            reload_refused: None,
-            sockets_lost: None,
-            other_daemons: &[],
-            crowd: None,
+            daemon: DaemonView::default(),
         };
         let _ = self.problems.handle_view(&self.setup, &view);
         self.noted.iter_mut().for_each(|noted| noted.is_over = true);

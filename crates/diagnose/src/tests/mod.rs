@@ -9,7 +9,7 @@ mod servo_answers;
 mod sharing;
 mod telling;
 
-use crate::{BusView, Crowd, HandSetup, HandView, JointsView, Kind, News, NotReloaded, Problems};
+use crate::{BusView, Crowd, DaemonView, HandSetup, HandView, JointsView, Kind, News, NotReloaded, Problems};
 use taxel_can::{LinkState, SourceAddress};
 use taxel_joints::JointsConfig;
 use taxel_skin::{BoardState, BoardStatus, Finding, Layout, Movement};
@@ -107,10 +107,12 @@ impl Bench {
             unchanging: &self.known.unchanging,
             joints,
             boards_due: true,
-            reload_refused: self.known.reload_refused.as_ref(),
-            sockets_lost: self.known.sockets_lost,
-            other_daemons: &self.known.other_daemons,
-            crowd: self.known.crowd.as_ref(),
+            daemon: DaemonView {
+                reload_refused: self.known.reload_refused.as_ref(),
+                sockets_lost: self.known.sockets_lost,
+                other_daemons: &self.known.other_daemons,
+                crowd: self.known.crowd.as_ref(),
+            },
         };
         self.said.extend(self.problems.handle_view(&setup, &view));
     }

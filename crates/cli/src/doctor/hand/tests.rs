@@ -2,7 +2,7 @@
 
 use super::super::finding::{Mend, State};
 use super::*;
-use taxel_diagnose::{HandSetup, HandView, Problems};
+use taxel_diagnose::{DaemonView, HandSetup, HandView, Problems};
 use taxel_hand::Fault;
 use taxel_skin::{BoardKind, BusTraffic, Firmware};
 use taxel_skin::{BoardState, BoardsMode, FoundBoard, Movement};
@@ -82,10 +82,7 @@ fn judged(facts: &HandFacts) -> Vec<NotedProblem> {
         unchanging: &vec![false; layout.len()],
         joints: None,
         boards_due: true,
-        reload_refused: None,
-        sockets_lost: None,
-        other_daemons: &[],
-        crowd: None,
+        daemon: DaemonView::default(),
     };
     let mut problems = Problems::default();
     let _ = problems.handle_view(&setup, &view);
