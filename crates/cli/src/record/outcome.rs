@@ -39,51 +39,18 @@ pub(crate) fn words(plan: &Plan, finished: &Finished) -> Vec<(Priority, String)>
     let Finished {
         files: _,
         gone,
-        removed,
+        removed: _,
         can: _,
         can_lost,
         is_described: _,
-        images,
+        images: _,
         skipped,
         dropped,
-        messages,
+        messages: _,
         problems: _,
-        failure,
+        failure: _,
     } = finished;
     let [files, away] = there_and_away(finished);
-    let bytes: u64 = files
-        .iter()
-        .filter_map(|file| std::fs::metadata(file).ok())
-        .map(|file| file.len())
-        .sum();
-    let name = match &files[..] {
-        [] if !gone.is_empty() || !away.is_empty() => "taxel: no file of the recording is there".into(),
-        [] if failure.is_some() => "taxel: nothing was recorded".into(),
-        [] if plan.around.is_some() => {
-            "taxel: nothing was kept: no trigger came, or nothing before one".into()
-        }
-        [] => "taxel: nothing came of a daemon or of a bus, and no file was made".into(),
-        [only] => only.display().to_string(),
-        files if *removed == 0 => format!("{} files of {}", files.len(), plan.out.display()),
-        files => format!(
-            "{} files of {}, after {removed} older ones were removed",
-            files.len(),
-            plan.out.display()
-        ),
-    };
-    let what_there_is = match files.is_empty() {
-        true => (Priority::Warning, name),
-        false => (
-            Priority::Info,
-            format!(
-                "{name}: {:.1} MB, {}; {} and {} were read",
-                bytes as f64 / 1e6,
-                plural(*messages, "message"),
-                plural(*images, "image"),
-                plural(can_frames(finished), "CAN frame")
-            ),
-        ),
-    };
     let mut lines = Vec::new();
     lines.extend(gone.iter().map(|gone| format!("taxel: {gone}")));
     if let (Some(first), Some(last)) = (away.first(), away.last()) {
@@ -125,7 +92,53 @@ pub(crate) fn words(plan: &Plan, finished: &Finished) -> Vec<(Priority, String)>
         }
     }
     let missing = lines.into_iter().map(|line| (Priority::Warning, line));
-    std::iter::once(what_there_is).chain(missing).collect()
+    let there_is = what_there_is(plan, finished, &files, &away);
+    std::iter::once(there_is).chain(missing).collect()
+}
+
+/// The files that there are and what is in them, or that there are none.
+fn what_there_is(
+    plan: &Plan,
+    finished: &Finished,
+    files: &[&PathBuf],
+    away: &[&PathBuf],
+) -> (Priority, String) {
+    let bytes: u64 = files
+        .iter()
+        .filter_map(|file| std::fs::metadata(file).ok())
+        .map(|file| file.len())
+        .sum();
+    let removed = finished.removed;
+    let name = match files {
+        [] if !finished.gone.is_empty() || !away.is_empty() => {
+            "taxel: no file of the recording is there".into()
+        }
+        [] if finished.failure.is_some() => "taxel: nothing was recorded".into(),
+        [] if plan.around.is_some() => {
+            "taxel: nothing was kept: no trigger came, or nothing before one".into()
+        }
+        [] => "taxel: nothing came of a daemon or of a bus, and no file was made".into(),
+        [only] => only.display().to_string(),
+        files if removed == 0 => format!("{} files of {}", files.len(), plan.out.display()),
+        files => format!(
+            "{} files of {}, after {removed} older ones were removed",
+            files.len(),
+            plan.out.display()
+        ),
+    };
+    match files.is_empty() {
+        true => (Priority::Warning, name),
+        false => (
+            Priority::Info,
+            format!(
+                "{name}: {:.1} MB, {}; {} and {} were read",
+                bytes as f64 / 1e6,
+                plural(finished.messages, "message"),
+                plural(finished.images, "image"),
+                plural(can_frames(finished), "CAN frame")
+            ),
+        ),
+    }
 }
 
 /// The same as one object.

@@ -1,8 +1,8 @@
 //! Counts in columns that name boards, on the modules of a hand.
 
-use anyhow::bail;
+use anyhow::{anyhow, bail};
 use taxel_record::Recording;
-use taxel_skin::{Layout, Wiring};
+use taxel_skin::Layout;
 
 /// Puts the taxels of a recording whose columns name boards (`3B0X`) where the modules of the hand are. 0, 1, 2, .. are its
 /// modules in order, as `taxel convert` names them, and other numbers the addresses of its boards; modules without a board
@@ -22,8 +22,9 @@ pub(super) fn place(
         return Ok(None);
     };
     let named: Vec<u32> = boards.iter().map(|(number, _)| *number).collect();
-    let wired: Vec<&Wiring> = (hand.wiring.iter().filter(|wiring| wiring.protocol.has_board())).collect();
-    let is_one_bus = wired.iter().all(|wiring| wiring.bus == wired[0].bus);
+    let mut wired = hand.wiring.iter().filter(|wiring| wiring.protocol.has_board());
+    let first_bus = wired.clone().next().map(|wiring| wiring.bus);
+    let is_one_bus = wired.all(|wiring| Some(wiring.bus) == first_bus);
     let addresses = addresses(&hand, &named).filter(|_| is_one_bus);
     let counts_from = |first: u32| named.iter().copied().eq((first..).take(named.len()));
     let of_modules = match &addresses {
@@ -51,36 +52,14 @@ pub(super) fn place(
                 hand.name
             )));
         }
-        let numbers = |numbers: &[u32]| {
-            numbers
-                .iter()
-                .map(u32::to_string)
-                .collect::<Vec<String>>()
-                .join(", ")
-        };
-        let of_boards: Vec<u32> = wired.iter().map(|wiring| wiring.board.into()).collect();
-        let without: Vec<&str> = hand.without_board().map(|module| module.name.as_str()).collect();
-        let others = match without[..] {
-            [] => String::new(),
-            _ => format!(" (any others for {}, without a board)", without.join(", ")),
-        };
-        bail!(
-            "{}: its columns are of boards {}, and the boards of layout {} are {}{others}; name them so, or by the modules in \
-             order, 0 to {}",
-            recording.name(),
-            numbers(&named),
-            hand.name,
-            numbers(&of_boards),
-            hand.modules.len() - 1
-        );
+        return Err(other_boards(recording.name(), &hand, &named));
     };
-    let mut order = Vec::with_capacity(recording.taxels());
-    for address in &addresses {
+    let order = addresses.iter().flat_map(|address| {
         let index = named.partition_point(|other| other < address);
         let first: usize = boards[..index].iter().map(|(_, taxels)| taxels.len()).sum();
-        order.extend(first..first + boards[index].1.len());
-    }
-    recording.reorder_taxels(&order);
+        first..first + boards[index].1.len()
+    });
+    recording.reorder_taxels(&order.collect::<Vec<usize>>());
     let without: Vec<String> = (hand.boards().zip(&addresses))
         .filter(|((_, _, wiring), _)| !wiring.protocol.has_board())
         .map(|((_, module, _), number)| format!("{number} for module {}, which has no board", module.name))
@@ -92,6 +71,28 @@ pub(super) fn place(
             without.join(", ")
         )
     }))
+}
+
+/// That the boards of a recording are none of the hand's, and how they are to be called.
+fn other_boards(name: &str, hand: &Layout, named: &[u32]) -> anyhow::Error {
+    let list = |numbers: &mut dyn Iterator<Item = u32>| {
+        let numbers: Vec<String> = numbers.map(|number| number.to_string()).collect();
+        numbers.join(", ")
+    };
+    let wired = hand.wiring.iter().filter(|wiring| wiring.protocol.has_board());
+    let without: Vec<&str> = hand.without_board().map(|module| module.name.as_str()).collect();
+    let others = match without[..] {
+        [] => String::new(),
+        _ => format!(" (any others for {}, without a board)", without.join(", ")),
+    };
+    anyhow!(
+        "{name}: its columns are of boards {}, and the boards of layout {} are {}{others}; name them so, or by the modules in \
+         order, 0 to {}",
+        list(&mut named.iter().copied()),
+        hand.name,
+        list(&mut wired.map(|wiring| wiring.board.into())),
+        hand.modules.len() - 1
+    )
 }
 
 /// The number among `named`, ascending, that each module of the hand has, where these are the addresses of its boards; a
