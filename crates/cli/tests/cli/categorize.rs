@@ -1,11 +1,11 @@
 //! `taxel categorize` on recordings, manifests and phantoms.
 
 use crate::begun_in_a_touch::record_frames;
-use crate::{fails, simulated, succeeds};
+use crate::{command, fails, simulated, succeeds};
 use serde_json::Value;
 use std::fmt::Write as _;
 use std::io::{BufRead, BufReader};
-use std::process::{Command, Stdio};
+use std::process::Stdio;
 use tempfile::TempDir;
 
 /// Frames a second of a recording without times.
@@ -450,17 +450,9 @@ fn live_categories_wait_for_a_daemon_that_is_not_there_and_for_one_that_ended() 
         "map.json",
     ];
     succeeds(&dir, &args);
-    let mut child = Command::new(env!("CARGO_BIN_EXE_taxel"))
-        .args([
-            "categorize",
-            "--live",
-            "map.json",
-            "--socket",
-            "images.sock",
-            "--reconnect",
-        ])
-        .args(["--publish", "touches.sock"])
-        .current_dir(dir.path())
+    let live = ["categorize", "--live", "map.json", "--socket", "images.sock"];
+    let mut child = command(&dir, &live)
+        .args(["--reconnect", "--publish", "touches.sock"])
         .stderr(Stdio::piped())
         .spawn()
         .unwrap();

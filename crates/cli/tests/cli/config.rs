@@ -155,8 +155,7 @@ fn what_is_wrong_is_told_with_file_and_line_and_stdin_is_a_file_too() {
             "full",
         ),
     ] {
-        let mut taxel = Command::new(env!("CARGO_BIN_EXE_taxel"));
-        taxel.args(command).current_dir(dir.path());
+        let mut taxel = crate::command(&dir, command);
         taxel
             .env("RUST_BACKTRACE", wants)
             .env("RUST_LIB_BACKTRACE", wants);

@@ -1,6 +1,6 @@
 //! `taxel pause`, `resume`, `profile` and their like, of a real daemon in this process.
 
-use crate::{HANGS_AFTER, fails, simulated, succeeds, texts};
+use crate::{HANGS_AFTER, command, fails, simulated, succeeds, texts};
 use serde_json::{Value, json};
 use std::fs::{self, File};
 use std::io::{BufRead, BufReader, Write};
@@ -132,13 +132,11 @@ fn a_profile_is_read_from_stdin() {
     let dir = TempDir::new().unwrap();
     let daemon = simulated(dir.path(), "tap");
     fs::write(dir.path().join("glove.json"), "{\"levels\": 3}\n").unwrap();
-    let mut taxel = Command::new(env!("CARGO_BIN_EXE_taxel"));
-    let taxel = taxel
-        .args(["profile", "-"])
+    let status = command(&dir, &["profile", "-"])
         .args(CONTROL)
-        .current_dir(dir.path())
-        .stdin(File::open(dir.path().join("glove.json")).unwrap());
-    assert!(taxel.status().unwrap().success());
+        .stdin(File::open(dir.path().join("glove.json")).unwrap())
+        .status();
+    assert!(status.unwrap().success());
     assert_eq!(object(&dir, &["profile"])["levels"], 3);
     daemon.stop().unwrap();
 }

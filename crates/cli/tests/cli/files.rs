@@ -1,6 +1,6 @@
 //! Recordings that are damaged, have no end or are none, and files that are written whole or not at all.
 
-use crate::{HANGS_AFTER, fails, succeeds, texts};
+use crate::{HANGS_AFTER, command, fails, succeeds, texts};
 use ndarray::{Array2, Array3};
 use std::os::unix::fs::symlink;
 use std::process::{Command, Stdio};
@@ -298,9 +298,7 @@ fn work_that_is_told_to_stop_leaves_no_half_of_a_file() {
             128 + 15,
         ),
     ] {
-        let mut command = Command::new(env!("CARGO_BIN_EXE_taxel"));
-        let command = command.args(args).current_dir(dir.path());
-        let child = command
+        let child = command(&dir, args)
             .stdout(Stdio::piped())
             .stderr(Stdio::piped())
             .spawn()

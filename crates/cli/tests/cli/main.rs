@@ -56,9 +56,15 @@ use tempfile::TempDir;
 /// What takes longer has hung, also on a busy machine.
 pub(crate) const HANGS_AFTER: Duration = Duration::from_secs(200);
 
-pub(crate) fn taxel(dir: &TempDir, args: &[&str]) -> Output {
+/// The command in this folder, to be run.
+pub(crate) fn command(dir: &TempDir, args: &[&str]) -> Command {
     let mut command = Command::new(env!("CARGO_BIN_EXE_taxel"));
-    command.args(args).current_dir(dir.path()).output().unwrap()
+    command.args(args).current_dir(dir.path());
+    command
+}
+
+pub(crate) fn taxel(dir: &TempDir, args: &[&str]) -> Output {
+    command(dir, args).output().unwrap()
 }
 
 /// Runs and expects success; returns stdout and stderr.
@@ -333,13 +339,8 @@ fn a_command_that_can_tell_nobody_anything_ends_as_it_would_have() {
     let dir = TempDir::new().unwrap();
     succeeds(&dir, &["sim", "tap", "--to", "log:tap.log"]);
     let code = |args: &[&str], stdout: Stdio, stderr: Stdio| {
-        let mut taxel = Command::new(env!("CARGO_BIN_EXE_taxel"));
-        let taxel = taxel
-            .args(args)
-            .current_dir(dir.path())
-            .stdout(stdout)
-            .stderr(stderr);
-        taxel.status().unwrap().code()
+        let mut taxel = command(&dir, args);
+        taxel.stdout(stdout).stderr(stderr).status().unwrap().code()
     };
     let full = || Stdio::from(OpenOptions::new().write(true).open("/dev/full").unwrap());
     let gone = || Stdio::from(std::io::pipe().unwrap().1);

@@ -1,6 +1,6 @@
 //! `taxel metrics`, of a real daemon in this process.
 
-use crate::{HANGS_AFTER, fails, simulated, succeeds};
+use crate::{HANGS_AFTER, command, fails, simulated, succeeds};
 use std::io::{BufRead, BufReader, ErrorKind, Read, Write};
 use std::net::TcpStream;
 use std::process::{Child, ChildStderr, Command, Stdio};
@@ -200,10 +200,8 @@ fn a_file_of_metrics_that_cannot_be_written_for_a_while_is_written_again() {
     let err = fails(&dir, &[&textfile[..], &["collected/taxeld.prom"]].concat(), 1);
     assert!(err.contains("collected/taxeld.prom"), "{err}");
     std::fs::create_dir(&folder).unwrap();
-    let mut child = Command::new(env!("CARGO_BIN_EXE_taxel"))
-        .args(textfile)
+    let mut child = command(&dir, &textfile)
         .arg("collected/taxeld.prom")
-        .current_dir(dir.path())
         .stderr(Stdio::piped())
         .spawn()
         .unwrap();

@@ -1,10 +1,9 @@
 //! `taxel setup` without anybody to press a module: what it writes for boards that were heard, and what it refuses.
 
-use crate::{config, fails, simulated, succeeds, taxel, texts};
+use crate::{command, config, fails, simulated, succeeds, taxel, texts};
 use serde_json::Value;
 use std::fs;
 use std::net::UdpSocket;
-use std::process::Command;
 use taxel_skin::Layout;
 use taxeld::Daemon;
 use tempfile::TempDir;
@@ -200,12 +199,9 @@ fn where_the_kernel_has_no_can_setup_says_what_the_doctor_says() {
 
 /// What `taxel setup` says of a bus beside the daemon that has its sockets in this folder; it finds no board there.
 fn said_beside_a_daemon(dir: &TempDir, source: &str, options: &[&str]) -> String {
-    let mut taxel = Command::new(env!("CARGO_BIN_EXE_taxel"));
-    taxel
-        .args(["setup", "--yes", "--dry-run", "--seconds", "0.1", source])
-        .args(options)
-        .env("RUNTIME_DIRECTORY", dir.path())
-        .current_dir(dir.path());
+    let setup = ["setup", "--yes", "--dry-run", "--seconds", "0.1", source];
+    let mut taxel = command(dir, &setup);
+    taxel.args(options).env("RUNTIME_DIRECTORY", dir.path());
     let output = taxel.output().unwrap();
     assert_eq!(output.status.code(), Some(1));
     texts(&output).1

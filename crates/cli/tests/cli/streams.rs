@@ -1,6 +1,6 @@
 //! Recordings on stdin and stdout, and answers for scripts.
 
-use crate::{HANGS_AFTER, fails, succeeds, texts};
+use crate::{HANGS_AFTER, command, fails, succeeds, texts};
 use serde_json::Value;
 use std::fs::{self, File};
 use std::io::Write;
@@ -13,12 +13,8 @@ use tempfile::TempDir;
 /// Runs with a file of the folder on stdin.
 fn reading(dir: &TempDir, file: &str, args: &[&str]) -> Output {
     let stdin = File::open(dir.path().join(file)).unwrap();
-    let mut command = Command::new(env!("CARGO_BIN_EXE_taxel"));
-    let command = command
-        .args(args)
-        .current_dir(dir.path())
-        .stdin(Stdio::from(stdin));
-    command.env("TMPDIR", dir.path()).output().unwrap()
+    let mut command = command(dir, args);
+    command.stdin(stdin).env("TMPDIR", dir.path()).output().unwrap()
 }
 
 fn object(text: &str) -> Value {
@@ -155,11 +151,8 @@ fn a_signal_leaves_nothing_of_what_came_through_a_pipe() {
         (&["categorize", "-", "--classes", "2"], false, None, Some(15)),
         (&long, true, Some(128 + 15), None),
     ] {
-        let mut command = Command::new(env!("CARGO_BIN_EXE_taxel"));
-        let command = command
-            .args(args)
-            .current_dir(dir.path())
-            .env("TMPDIR", &temporary);
+        let mut command = command(&dir, args);
+        command.env("TMPDIR", &temporary);
         command.stdout(Stdio::null()).stderr(Stdio::null());
         let mut child = command.stdin(Stdio::piped()).spawn().unwrap();
         let mut stdin = child.stdin.take();

@@ -1,12 +1,12 @@
 //! `taxel watch`: what a daemon publishes, line by line.
 
-use crate::{HANGS_AFTER, fails, simulated, succeeds, texts};
+use crate::{HANGS_AFTER, command, fails, simulated, succeeds, texts};
 use nix::sys::socket::{AddressFamily, Backlog, SockFlag, SockType, UnixAddr, bind, listen, socket};
 use serde_json::Value;
 use std::io::{BufRead, BufReader, ErrorKind, Write};
 use std::os::fd::{AsRawFd, OwnedFd};
 use std::os::unix::net::UnixStream;
-use std::process::{Command, Stdio};
+use std::process::Stdio;
 use std::time::{Duration, Instant};
 use tempfile::TempDir;
 
@@ -31,9 +31,7 @@ fn of_a_daemon_that_says_nothing_it_is_told_that_it_may_hang() {
     )
     .unwrap();
     listen(&hangs, Backlog::new(1).unwrap()).unwrap();
-    let mut child = Command::new(env!("CARGO_BIN_EXE_taxel"))
-        .args(["watch", "--socket", "images.sock"])
-        .current_dir(dir.path())
+    let mut child = command(&dir, &["watch", "--socket", "images.sock"])
         .stderr(Stdio::piped())
         .spawn()
         .unwrap();
@@ -124,9 +122,7 @@ fn watch_prints_words_and_raw_frames_on_request() {
 fn a_reader_that_has_seen_enough_is_no_failure() {
     let dir = TempDir::new().unwrap();
     let _daemon = simulated(dir.path(), "idle");
-    let mut child = Command::new(env!("CARGO_BIN_EXE_taxel"))
-        .args(["watch", "--socket", "images.sock"])
-        .current_dir(dir.path())
+    let mut child = command(&dir, &["watch", "--socket", "images.sock"])
         .stdout(Stdio::piped())
         .stderr(Stdio::piped())
         .spawn()
@@ -154,9 +150,7 @@ fn a_parent_that_never_reads_stderr_is_printed_images_to_the_end_and_told_by_the
     };
     assert_eq!(full.kind(), ErrorKind::WouldBlock);
     stderr.set_nonblocking(false).unwrap();
-    let mut child = Command::new(env!("CARGO_BIN_EXE_taxel"))
-        .args(["watch", "--socket", "images.sock"])
-        .current_dir(dir.path())
+    let mut child = command(&dir, &["watch", "--socket", "images.sock"])
         .stdout(Stdio::piped())
         .stderr(OwnedFd::from(stderr))
         .spawn()
@@ -201,9 +195,7 @@ fn rates_are_a_line_a_second() {
 #[test]
 fn watch_waits_for_a_daemon_that_is_not_there_and_for_one_that_ended() {
     let dir = TempDir::new().unwrap();
-    let mut child = Command::new(env!("CARGO_BIN_EXE_taxel"))
-        .args(["watch", "--socket", "images.sock", "--reconnect"])
-        .current_dir(dir.path())
+    let mut child = command(&dir, &["watch", "--socket", "images.sock", "--reconnect"])
         .stdout(Stdio::piped())
         .stderr(Stdio::piped())
         .spawn()
@@ -229,12 +221,13 @@ fn watch_waits_for_a_daemon_that_is_not_there_and_for_one_that_ended() {
 fn a_number_of_lines_is_printed_though_nobody_reads_them_yet() {
     let dir = TempDir::new().unwrap();
     let _daemon = simulated(dir.path(), "idle");
-    let mut child = Command::new(env!("CARGO_BIN_EXE_taxel"))
-        .args(["watch", "--socket", "images.sock", "--json", "--count", "3"])
-        .current_dir(dir.path())
-        .stdout(Stdio::piped())
-        .spawn()
-        .unwrap();
+    let mut child = command(
+        &dir,
+        &["watch", "--socket", "images.sock", "--json", "--count", "3"],
+    )
+    .stdout(Stdio::piped())
+    .spawn()
+    .unwrap();
     let began = Instant::now();
     while child.try_wait().unwrap().is_none() {
         if began.elapsed() > HANGS_AFTER {
@@ -267,9 +260,7 @@ fn pressed(dir: &TempDir, options: &[&str]) -> Vec<Value> {
 fn a_display_that_states_what_it_can_do_is_given_that_from_the_first_line_on() {
     let dir = TempDir::new().unwrap();
     let _daemon = simulated(dir.path(), "worst-case");
-    let mut watch = Command::new(env!("CARGO_BIN_EXE_taxel"))
-        .args(["watch", "--socket", "images.sock"])
-        .current_dir(dir.path())
+    let mut watch = command(&dir, &["watch", "--socket", "images.sock"])
         .stdout(Stdio::piped())
         .spawn()
         .unwrap();
