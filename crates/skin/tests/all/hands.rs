@@ -126,16 +126,7 @@ fn a_thousand_modules_of_four_protocols_come_through() {
         );
         count += 1;
     };
-    let pads: Vec<String> = (0..16)
-        .map(|t| {
-            format!(
-                "[{}]",
-                [0, 1, 2, 3, 4, 5, 7, 8, 9, 11]
-                    .map(|p| (12 * t + p).to_string())
-                    .join(", ")
-            )
-        })
-        .collect();
+    let pads: Vec<String> = (0..16).map(crate::support::icub_triangle).collect();
     let icub = format!("order = [{}]", pads.join(", "));
     for bus in 0..48 {
         (0..8).for_each(|board| add(bus, board, "uskin-l2", ""));
@@ -159,16 +150,7 @@ fn a_thousand_modules_of_four_protocols_come_through() {
 
 #[test]
 fn more_taxels_than_can_be_numbered_are_refused() {
-    let pads: Vec<String> = (0..16)
-        .map(|t| {
-            format!(
-                "[{}]",
-                [0, 1, 2, 3, 4, 5, 7, 8, 9, 11]
-                    .map(|p| (12 * t + p).to_string())
-                    .join(", ")
-            )
-        })
-        .collect();
+    let pads: Vec<String> = (0..16).map(crate::support::icub_triangle).collect();
     let buses: Vec<String> = (0..32).map(|i| format!("\"can{i}\"")).collect();
     let mut big = format!(
         "name = \"b\"\nimage = {{ width = 1000, height = 1000 }}\nbuses = [{}]\n",

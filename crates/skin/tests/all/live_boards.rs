@@ -1,23 +1,13 @@
 //! Boards as they behave on a bus: bursts and their phase, free running, rates that must be measured.
 
+use crate::support::boards_on_a_bus as layout;
 use taxel_hand::{Freshness, TactileFrame};
-use taxel_skin::{BoardState, BoardStatus, Layout, SweepAssembler, SweepConfig, TaxelReading};
+use taxel_skin::{BoardState, BoardStatus, SweepAssembler, SweepConfig, TaxelReading};
 
 const MS: u64 = 1_000_000;
 /// Not zero, as a monotonic clock never is.
 const START: u64 = 5_000 * MS;
 const TAXELS: u64 = 16;
-
-fn layout(boards: usize) -> Layout {
-    let mut text = "name = \"t\"\nimage = { width = 60, height = 4 }\nbuses = [\"can0\"]\n".to_string();
-    for b in 0..boards {
-        text += &format!(
-            "[[module]]\nname = \"m{b}\"\npart = \"p\"\nbus = \"can0\"\nboard = {b}\nprotocol = \"uskin-l2\"\nat = [{}, 0]\n",
-            4 * b
-        );
-    }
-    Layout::parse(&text, "t.toml").unwrap()
-}
 
 /// Why a frame was taken.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]

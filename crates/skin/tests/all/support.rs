@@ -2,18 +2,32 @@
 
 use taxel_skin::Layout;
 
+/// Boards of 16 taxels on one bus.
+pub(crate) fn boards_on_a_bus(boards: usize) -> Layout {
+    let mut text = "name = \"t\"\nimage = { width = 60, height = 4 }\nbuses = [\"can0\"]\n".to_string();
+    for b in 0..boards {
+        text += &format!(
+            "[[module]]\nname = \"m{b}\"\npart = \"p\"\nbus = \"can0\"\nboard = {b}\nprotocol = \"uskin-l2\"\nat = [{}, 0]\n",
+            4 * b
+        );
+    }
+    Layout::parse(&text, "t.toml").unwrap()
+}
+
+/// The ten taxels of an iCub triangle, as a layout orders them.
+pub(crate) fn icub_triangle(triangle: u32) -> String {
+    let pads = [0, 1, 2, 3, 4, 5, 7, 8, 9, 11].map(|pad| (12 * triangle + pad).to_string());
+    format!("[{}]", pads.join(", "))
+}
+
 /// One iCub board of this protocol with the ten taxels of triangles 0 and 3.
 pub(crate) fn icub(protocol: &str, setup: &str) -> Layout {
-    let triangle = |t: u32| {
-        let pads = [0, 1, 2, 3, 4, 5, 7, 8, 9, 11].map(|pad| (12 * t + pad).to_string());
-        format!("[{}]", pads.join(", "))
-    };
     let text = format!(
         "name = \"icub\"\nimage = {{ width = 10, height = 2 }}\nbuses = [\"can0\"]\n[[module]]\nname = \"arm\"\n\
          part = \"arm\"\nbus = \"can0\"\nboard = 1\nprotocol = \"{protocol}\"\nat = [0, 0]\n{setup}\n\
          order = [{}, {}]\n",
-        triangle(0),
-        triangle(3)
+        icub_triangle(0),
+        icub_triangle(3)
     );
     Layout::parse(&text, "icub.toml").unwrap_or_else(|e| panic!("{e}"))
 }

@@ -1,23 +1,12 @@
 //! When a tactile frame is complete, late or due, and what is fresh in it.
 
+use crate::support::boards_on_a_bus as layout;
 use taxel_hand::{Freshness, TactileFrame};
-use taxel_skin::{BoardState, Layout, Push, SweepAssembler, SweepConfig, TaxelReading};
+use taxel_skin::{BoardState, Push, SweepAssembler, SweepConfig, TaxelReading};
 
 const MS: u64 = 1_000_000;
 /// Not zero, as a monotonic clock never is.
 const START: u64 = 5_000 * MS;
-
-/// `boards` boards of 16 taxels on one bus.
-fn layout(boards: usize) -> Layout {
-    let mut text = "name = \"t\"\nimage = { width = 32, height = 4 }\nbuses = [\"can0\"]\n".to_string();
-    for b in 0..boards {
-        text += &format!(
-            "[[module]]\nname = \"m{b}\"\npart = \"p\"\nbus = \"can0\"\nboard = {b}\nprotocol = \"uskin-l2\"\nat = [{}, 0]\n",
-            4 * b
-        );
-    }
-    Layout::parse(&text, "t.toml").unwrap()
-}
 
 /// Boards with a period of 10 ms whose first readings count.
 fn unsettled() -> SweepConfig {
