@@ -27,8 +27,7 @@ def play(folder):
 
 
 @pytest.fixture
-def servos(folder):
-    """Two servos in PWM mode with something springy between them, and potentiometers at `folder / "lines"`."""
-    servos = Servos("--ids", "1-2", "--load", "--potentiometers", folder / "lines")
-    yield servos
-    servos.close()
+def servos():
+    """The servos 1 to 16 of a hand."""
+    with Servos("--ids", "1-16") as servos:
+        yield servos

@@ -15,8 +15,7 @@ from contextlib import ExitStack, suppress
 
 import pytest
 from harness.daemon import HANGS_AFTER_S, Daemon, ask, asking_on, connect, die_with_parent, eventually, read_reply
-from harness.joints import IDS, SCENE, TICK, TORQUE, WRITING, dynamixel, servo
-from harness.servos import Servos
+from harness.joints import IDS, SCENE, TICK, TORQUE, WRITING, driven, dynamixel, servo
 
 PLACES = 128
 # For how long a client is kept until its next line, and in all (daemon/src/clients/places.rs).
@@ -71,8 +70,7 @@ def test_readers_of_images_and_who_only_asks_leave_descriptors_to_those_who_comm
         assert "cannot accept" not in daemon.log, daemon.log
 
 
-def test_with_few_files_it_says_so_and_ends_or_a_motor_can_be_switched_off(folder):
-    servos = Servos("--ids", "1-16")
+def test_with_few_files_it_says_so_and_ends_or_a_motor_can_be_switched_off(folder, servos):
     ended = []
     for limit in (4, 5, 8, 12, 16, 18, 19, 20, 22, 24, 26, 28, 30, 32, 40):
         daemon = Daemon(folder / f"{limit}", SCENE, tick=TICK, joints=dynamixel(servos.path, **WRITING))
@@ -92,7 +90,6 @@ def test_with_few_files_it_says_so_and_ends_or_a_motor_can_be_switched_off(folde
                 assert reader.recv(65536), "neither let in nor told why not"
             for _ in range(3):
                 assert servo(daemon, "joint 5", "--torque", "off") == (0, ""), f"{limit}: {daemon.log}"
-    servos.close()
     assert 24 in ended and 40 not in ended, ended
 
 
@@ -152,9 +149,7 @@ def test_a_client_that_asks_without_end_is_slowed_and_the_others_are_not(daemon)
         assert all(json.loads(reply)["ok"] for reply in replies if reply.endswith(b"\n"))
 
 
-def test_nothing_keeps_a_motor_from_being_switched_off(folder):
-    servos = Servos("--ids", "1-16")
-    joints = dynamixel(servos.path, **WRITING)
+def test_nothing_keeps_a_motor_from_being_switched_off(folder, servos):
     over = threading.Event()
     requests = [{"cmd": "status"}, {"cmd": "servo", "joint": "joint 5", "pwm_percent": 1.0}, {"cmd": "rezero"}]
 
@@ -178,8 +173,7 @@ def test_nothing_keeps_a_motor_from_being_switched_off(folder):
                 pass
             over.wait(0.005)
 
-    with Daemon(folder / "d", SCENE, tick=TICK, joints=joints) as daemon, ExitStack() as stack:
-        daemon.wait_status(lambda s: s["joints"]["readings"] > 50, "nothing is read")
+    with driven(folder, servos) as daemon, ExitStack() as stack:
         assert servo(daemon, "joint 5", "--torque", "on") == (0, "")
         for _ in range(PLACES + 40):
             stack.enter_context(connect(daemon.control_path))
@@ -196,11 +190,9 @@ def test_nothing_keeps_a_motor_from_being_switched_off(folder):
         for thread in threads:
             thread.join()
         assert daemon.status()["control"]["made_room"] > 0
-    servos.close()
 
 
-def test_whoever_makes_room_has_all_motors_switched_off_that_were_to_be(folder):
-    servos = Servos("--ids", "1-16")
+def test_whoever_makes_room_has_all_motors_switched_off_that_were_to_be(folder, servos):
     off = b"".join(b'{"cmd":"servo","joint":"joint %d","torque":false}\n' % n for n in range(2, 9))
     # However often, and however it is written.
     off += b"".join(b'{"cmd":"servo","joint":"joint %d","torque":false}%s\n' % (n % 7 + 2, b" " * n) for n in range(200))
@@ -230,7 +222,6 @@ def test_whoever_makes_room_has_all_motors_switched_off_that_were_to_be(folder):
         daemon.wait_status(lambda s: told(s) >= 7, "not each is told")
         daemon.report(1)
         assert told(daemon.status()) <= 7 + len(answered) + 1
-    servos.close()
 
 
 OCCUPANT = """
@@ -271,11 +262,8 @@ def occupy(stack, daemon, processes, line="", in_flight=0):
         eventually(lambda: clients() == PLACES + 1, "places are free")
 
 
-def test_processes_that_have_a_silent_motor_switched_off_without_end_keep_nobody_else_out(folder):
-    servos = Servos("--ids", "1-16")
-    joints = dynamixel(servos.path, **WRITING)
-    with Daemon(folder / "d", SCENE, tick=TICK, joints=joints) as daemon, ExitStack() as stack:
-        daemon.wait_status(lambda s: s["joints"]["readings"] > 50, "nothing is read")
+def test_processes_that_have_a_silent_motor_switched_off_without_end_keep_nobody_else_out(folder, servos):
+    with driven(folder, servos) as daemon, ExitStack() as stack:
         assert daemon.control("servo", joint="joint 5", torque=True)["ok"]
         servos.tell("fault 1 silent")
         occupy(stack, daemon, 8, '{"cmd":"servo","joint":"joint 1","torque":false}', in_flight=100)
@@ -284,11 +272,9 @@ def test_processes_that_have_a_silent_motor_switched_off_without_end_keep_nobody
                 client.settimeout(HANGS_AFTER_S)
                 ask(client, {"cmd": "servo", "joint": "joint 5", "torque": False})
             eventually(lambda: servos.register(5, *TORQUE) == 0, "the motor is on")
-    servos.close()
 
 
-def test_who_has_motors_switched_off_without_end_that_are_off_keeps_no_other_from_being_driven(folder):
-    servos = Servos("--ids", "1-16")
+def test_who_has_motors_switched_off_without_end_that_are_off_keeps_no_other_from_being_driven(folder, servos):
     for id in IDS:
         servos.tell(f"fault {id} late:30")
     over, answers = threading.Event(), [0, 0]
@@ -299,8 +285,7 @@ def test_who_has_motors_switched_off_without_end_that_are_off_keeps_no_other_fro
                 ask(client, {"cmd": "servo", "joint": f"joint {number + 1}", "torque": False})
                 answers[number] += 1
 
-    with Daemon(folder / "d", SCENE, tick=TICK, joints=dynamixel(servos.path, **WRITING)) as daemon, ExitStack() as stack:
-        daemon.wait_status(lambda s: s["joints"]["readings"] > 50, "nothing is read")
+    with driven(folder, servos) as daemon, ExitStack() as stack:
         threads = [threading.Thread(target=flood, args=(daemon.control_path, number)) for number in range(2)]
         stack.callback(lambda: [thread.join() for thread in threads])
         stack.callback(over.set)
@@ -321,13 +306,10 @@ def test_who_has_motors_switched_off_without_end_that_are_off_keeps_no_other_fro
         more = min(answers) + 3
         eventually(lambda: min(answers) > more, "nobody has a motor switched off any more")
         assert daemon.status()["joints"]["cycles"] > before + 3
-    servos.close()
 
 
-def test_who_has_motors_switched_off_one_after_the_other_is_not_put_out_in_between(folder):
-    servos = Servos("--ids", "1-16")
-    with Daemon(folder / "d", SCENE, tick=TICK, joints=dynamixel(servos.path, **WRITING)) as daemon, ExitStack() as stack:
-        daemon.wait_status(lambda s: s["joints"]["readings"] > 50, "nothing is read")
+def test_who_has_motors_switched_off_one_after_the_other_is_not_put_out_in_between(folder, servos):
+    with driven(folder, servos) as daemon, ExitStack() as stack:
         occupy(stack, daemon, 20)
 
         def is_put_out_too_soon():
@@ -347,7 +329,6 @@ def test_who_has_motors_switched_off_one_after_the_other_is_not_put_out_in_betwe
 
         # On a machine that is held up its time may be over, as that of all others.
         assert not any(is_put_out_too_soon() for _ in range(12))
-    servos.close()
 
 
 def taken_from(client, line):
@@ -374,11 +355,8 @@ def taken_from(client, line):
         (b'{"cmd":"pro', False),
     ],
 )
-def test_a_motor_is_let_go_when_its_holder_dies_or_asks_nothing_whatever_was_sent_before(folder, sent, leaves):
-    servos = Servos("--ids", "1-16")
-    joints = dynamixel(servos.path, **WRITING)
-    with Daemon(folder / "d", SCENE, tick=TICK, joints=joints) as daemon, connect(daemon.control_path) as holder:
-        daemon.wait_status(lambda s: s["joints"]["readings"] > 50, "nothing is read")
+def test_a_motor_is_let_go_when_its_holder_dies_or_asks_nothing_whatever_was_sent_before(folder, sent, leaves, servos):
+    with driven(folder, servos) as daemon, connect(daemon.control_path) as holder:
         hold_ms = 10_000 if leaves else 500
         assert ask(holder, {"cmd": "servo", "joint": "joint 5", "torque": True, "hold_ms": hold_ms})["ok"]
         with suppress(BrokenPipeError, ConnectionResetError):  # its time may be over before
@@ -389,13 +367,10 @@ def test_a_motor_is_let_go_when_its_holder_dies_or_asks_nothing_whatever_was_sen
             assert "nothing was asked for 500ms" in read_reply(holder)["error"]
         eventually(lambda: servos.register(5, *TORQUE) == 0, "the motor runs without its holder")
         eventually(lambda: "torque of joint 5 is off, since who held it is gone" in daemon.log, "the log does not say so")
-    servos.close()
 
 
-def test_a_refused_request_takes_no_hold_and_one_that_was_let_go_of_none_either(folder):
-    servos = Servos("--ids", "1-16")
-    with Daemon(folder / "d", SCENE, tick=TICK, joints=dynamixel(servos.path, **WRITING)) as daemon:
-        daemon.wait_status(lambda s: s["joints"]["readings"] > 50, "nothing is read")
+def test_a_refused_request_takes_no_hold_and_one_that_was_let_go_of_none_either(folder, servos):
+    with driven(folder, servos) as daemon:
         with connect(daemon.control_path) as client:
             refused = ask(client, {"cmd": "servo", "joint": "joint 5", "torque": True, "pwm_percent": 500, "hold_ms": 20})
             assert "outside -100 to 100" in refused["error"]
@@ -405,14 +380,11 @@ def test_a_refused_request_takes_no_hold_and_one_that_was_let_go_of_none_either(
             for _ in range(10):
                 daemon.status()
             assert ask(client, {"cmd": "profile"})["ok"]
-    servos.close()
 
 
-def test_who_holds_a_motor_that_was_not_confirmed_is_told_so_and_it_is_let_go_with_the_others(folder):
-    servos = Servos("--ids", "1-16")
+def test_who_holds_a_motor_that_was_not_confirmed_is_told_so_and_it_is_let_go_with_the_others(folder, servos):
     on = {"cmd": "servo", "joint": "joint 5", "torque": True, "pwm_percent": 0}
-    with Daemon(folder / "d", SCENE, tick=TICK, joints=dynamixel(servos.path, **WRITING)) as daemon:
-        daemon.wait_status(lambda s: s["joints"]["readings"] > 50, "nothing is read")
+    with driven(folder, servos) as daemon:
         servos.tell("fault 5 silent")
         with connect(daemon.control_path) as client:
             held = "its motor may run, and is held by this connection"
@@ -426,14 +398,11 @@ def test_who_holds_a_motor_that_was_not_confirmed_is_told_so_and_it_is_let_go_wi
         servos.tell("mend 5")
         eventually(lambda: "torque of joint 5 is off, since who held it is gone" in daemon.log, "it is not let go")
         assert servos.register(5, *TORQUE) == 0
-    servos.close()
 
 
-def test_a_motor_that_is_off_is_held_by_nobody_whose_request_has_failed(folder):
-    servos = Servos("--ids", "1-16")
+def test_a_motor_that_is_off_is_held_by_nobody_whose_request_has_failed(folder, servos):
     on = {"cmd": "servo", "joint": "joint 5", "torque": True, "pwm_percent": 0}
-    with Daemon(folder / "d", SCENE, tick=TICK, joints=dynamixel(servos.path, **WRITING)) as daemon:
-        daemon.wait_status(lambda s: s["joints"]["readings"] > 50, "nothing is read")
+    with driven(folder, servos) as daemon:
         off = lambda s: s["joints"]["joints"][4]["torque_enabled"] is False and not s["problems"]  # noqa: E731
         daemon.wait_status(off, "it is not known to be off")
         servos.tell("fault 5 silent")
@@ -446,7 +415,6 @@ def test_a_motor_that_is_off_is_held_by_nobody_whose_request_has_failed(folder):
         # Nor is it let go when that one leaves: it is another's.
         eventually(lambda: daemon.status()["control"]["clients"] == 1, "who has gone is kept")
         assert servos.register(5, *TORQUE) == 1
-    servos.close()
 
 
 CHANGES = [
@@ -459,11 +427,9 @@ CHANGES = [
 ]
 
 
-def test_who_has_gone_before_it_was_begun_has_a_motor_switched_off_and_nothing_else_done(folder):
-    servos = Servos("--ids", "1-16")
+def test_who_has_gone_before_it_was_begun_has_a_motor_switched_off_and_nothing_else_done(folder, servos):
     torque = lambda joint, on: {"cmd": "servo", "joint": joint, "torque": on}  # noqa: E731
-    with Daemon(folder / "d", SCENE, tick=TICK, joints=dynamixel(servos.path, **WRITING)) as daemon:
-        daemon.wait_status(lambda s: s["joints"]["readings"] > 50, "nothing is read")
+    with driven(folder, servos) as daemon:
         holder = connect(daemon.control_path)
         assert ask(holder, {**torque("joint 7", True), "hold_ms": 10_000})["ok"]
         for joint in ("joint 5", "joint 8"):
@@ -494,7 +460,6 @@ def test_who_has_gone_before_it_was_begun_has_a_motor_switched_off_and_nothing_e
         assert daemon.control("profile") == profile and not daemon.status()["paused"]
         done = ["measured anew", "paused, by", "resumed, by", "marked, by", "replaced, by", "joint 6 is on", "given PWM"]
         assert not [words for words in done if words in daemon.log]
-    servos.close()
 
 
 def test_who_only_writes_no_more_is_answered(daemon):
@@ -506,10 +471,8 @@ def test_who_only_writes_no_more_is_answered(daemon):
     assert changed == {"ok": True} and told["profile"]["levels"] == 4
 
 
-def test_who_only_writes_no_more_and_holds_a_motor_is_answered_and_then_let_go(folder):
-    servos = Servos("--ids", "1-16")
-    with Daemon(folder / "d", SCENE, tick=TICK, joints=dynamixel(servos.path, **WRITING)) as daemon:
-        daemon.wait_status(lambda s: s["joints"]["readings"] > 50, "nothing is read")
+def test_who_only_writes_no_more_and_holds_a_motor_is_answered_and_then_let_go(folder, servos):
+    with driven(folder, servos) as daemon:
         requests = [
             {"cmd": "servo", "joint": "joint 5", "torque": True, "pwm_percent": 0, "hold_ms": 10_000},
             {"cmd": "servo", "joint": "joint 5", "pwm_percent": 5},
@@ -522,7 +485,6 @@ def test_who_only_writes_no_more_and_holds_a_motor_is_answered_and_then_let_go(f
         assert [reply["ok"] for reply in replies] == [True, True, True], replies
         eventually(lambda: servos.register(5, *TORQUE) == 0, "the motor runs without its holder")
         assert "had gone" not in daemon.log
-    servos.close()
 
 
 def test_the_status_socket_tells_and_changes_nothing(daemon):

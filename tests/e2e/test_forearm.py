@@ -22,10 +22,19 @@ from harness.gripper import (
     WATCHDOG,
     control,
     gripper,
+    gripping,
     registers,
     torque_on,
     with_potentiometers,
 )
+from harness.servos import Servos
+
+
+@pytest.fixture
+def servos(folder):
+    """Two servos in PWM mode with something springy between them, and potentiometers at `folder / "lines"`."""
+    with Servos("--ids", "1-2", "--load", "--potentiometers", folder / "lines") as servos:
+        yield servos
 
 
 def record(daemon, *arguments, stdin=subprocess.DEVNULL):
@@ -62,8 +71,7 @@ def filled(angles):
 
 
 def test_a_squeeze_is_recorded_as_the_publication_s_files_are(folder, servos):
-    with Daemon(folder / "d", SCENE, tick=TICK, joints=gripper(servos.path)) as daemon:
-        daemon.wait_status(lambda s: s["joints"]["readings"] > 20, "nothing is read")
+    with gripping(folder, servos) as daemon:
         out, said = record(daemon, *ONE).communicate()
         assert "nothing moves without --allow-motion" in said and registers(servos, TORQUE) == [0, 0]
         assert not (daemon.folder / "session").exists()
@@ -101,8 +109,7 @@ def test_a_squeeze_is_recorded_as_the_publication_s_files_are(folder, servos):
 
 @pytest.mark.parametrize("how", [signal.SIGKILL, signal.SIGINT])
 def test_the_gripper_opens_when_the_recorder_is_killed_and_its_squeeze_is_made_again(folder, servos, how):
-    with Daemon(folder / "d", SCENE, tick=TICK, joints=gripper(servos.path)) as daemon:
-        daemon.wait_status(lambda s: s["joints"]["readings"] > 20, "nothing is read")
+    with gripping(folder, servos) as daemon:
         process = record(daemon, *ONE, "--allow-motion")
         squeezing(servos, process, at_least=50)
         process.send_signal(how)
@@ -114,8 +121,7 @@ def test_the_gripper_opens_when_the_recorder_is_killed_and_its_squeeze_is_made_a
 
 
 def test_the_gripper_opens_when_the_daemon_is_killed(folder, servos):
-    with Daemon(folder / "d", SCENE, tick=TICK, joints=gripper(servos.path)) as daemon:
-        daemon.wait_status(lambda s: s["joints"]["readings"] > 20, "nothing is read")
+    with gripping(folder, servos) as daemon:
         process = record(daemon, *ONE, "--allow-motion")
         squeezing(servos, process, at_least=50)
         daemon.kill()
@@ -141,8 +147,7 @@ def test_what_to_do_is_said_where_no_daemon_runs_and_where_it_has_no_servos(fold
 
 def test_the_gripper_opens_at_a_fault_of_one_finger(folder, servos):
     # That a finger does not answer is known soon, with all tries.
-    with Daemon(folder / "d", SCENE, tick=TICK, joints=gripper(servos.path, answer_margin_ms=150.0)) as daemon:
-        daemon.wait_status(lambda s: s["joints"]["readings"] > 20, "nothing is read")
+    with gripping(folder, servos, answer_margin_ms=150.0) as daemon:
         process = record(daemon, *ONE, "--allow-motion")
         squeezing(servos, process)
         servos.tell("fault 2 silent")
@@ -153,8 +158,7 @@ def test_the_gripper_opens_at_a_fault_of_one_finger(folder, servos):
 
 
 def test_one_records_in_a_folder_at_a_time_and_what_has_come_there_meanwhile_stays(folder, servos):
-    with Daemon(folder / "d", SCENE, tick=TICK, joints=gripper(servos.path)) as daemon:
-        daemon.wait_status(lambda s: s["joints"]["readings"] > 20, "nothing is read")
+    with gripping(folder, servos) as daemon:
         one = [*ONE[:-1], "--allow-motion"]
         first = record(daemon, *one, stdin=subprocess.PIPE)
         while "Enter begins" not in (line := first.stderr.readline()):
@@ -171,11 +175,7 @@ def test_one_records_in_a_folder_at_a_time_and_what_has_come_there_meanwhile_sta
 
 
 def test_a_gripper_that_another_program_drives_is_left_to_it(folder, servos):
-    with (
-        Daemon(folder / "d", SCENE, tick=TICK, joints=gripper(servos.path)) as daemon,
-        control(daemon) as holder,
-    ):
-        daemon.wait_status(lambda s: s["joints"]["readings"] > 20, "nothing is read")
+    with gripping(folder, servos) as daemon, control(daemon) as holder:
         for name in FINGERS:
             torque_on(holder, name, 10_000)
         assert ask(holder, {"cmd": "servos", "pwm_percent": {"left": 20, "right": 20}}) == {"ok": True}
@@ -198,8 +198,7 @@ def test_a_daemon_that_is_slower_than_the_steps_of_a_squeeze_is_refused(folder, 
 
 
 def test_a_squeeze_that_a_fault_has_ended_is_made_again_where_that_is_wanted(folder, servos):
-    with Daemon(folder / "d", SCENE, tick=TICK, joints=gripper(servos.path)) as daemon:
-        daemon.wait_status(lambda s: s["joints"]["readings"] > 20, "nothing is read")
+    with gripping(folder, servos) as daemon:
         process = record(daemon, *WHOLE)
         squeezing(servos, process)
         servos.tell("fault 2 silent")
@@ -266,8 +265,7 @@ def test_a_gripper_is_told_where_it_holds_while_it_squeezes(folder, servos):
     session, model, estimates = folder / "session.npz", folder / "arm.model", folder / "estimates.sock"
     session_of_springy_arms(session)
     taxel("forearm", "train", session, "--out", model)
-    with Daemon(folder / "d", SCENE, tick=TICK, joints=gripper(servos.path)) as daemon:
-        daemon.wait_status(lambda s: s["joints"]["readings"] > 20, "nothing is read")
+    with gripping(folder, servos) as daemon:
         live = subprocess.Popen(
             [binary("taxel"), "forearm", "estimate", "--live", model, "--socket", daemon.images, "--publish", estimates],
             stdout=subprocess.PIPE,

@@ -21,17 +21,24 @@ from harness.gripper import (
     TORQUE,
     control,
     control_of_another,
-    gripper,
+    gripping,
     registers,
     torque_on,
     with_potentiometers,
 )
 from harness.joints import servo
+from harness.servos import Servos
+
+
+@pytest.fixture
+def servos(folder):
+    """Two servos in PWM mode with something springy between them, and potentiometers at `folder / "lines"`."""
+    with Servos("--ids", "1-2", "--load", "--potentiometers", folder / "lines") as servos:
+        yield servos
 
 
 def test_both_fingers_take_a_step_together_and_come_to_rest_where_they_are_held(folder, servos):
-    with Daemon(folder / "d", SCENE, tick=TICK, joints=gripper(servos.path)) as daemon, control(daemon) as connection:
-        daemon.wait_status(lambda s: s["joints"]["readings"] > 20, "nothing is read")
+    with gripping(folder, servos) as daemon, control(daemon) as connection:
         # From the factory: all of it.
         assert registers(servos, GOAL_PWM) == [885, 885]
         refused = ask(connection, {"cmd": "servos", "pwm_percent": {"left": 10, "right": 10}})
@@ -72,8 +79,7 @@ sys.stdin.read()
 
 @pytest.mark.parametrize("how", [signal.SIGKILL, signal.SIGSTOP])
 def test_fingers_are_let_go_when_the_program_that_holds_them_dies_or_hangs(folder, servos, how):
-    with Daemon(folder / "d", SCENE, tick=TICK, joints=gripper(servos.path)) as daemon:
-        daemon.wait_status(lambda s: s["joints"]["readings"] > 20, "nothing is read")
+    with gripping(folder, servos) as daemon:
         requests = [
             {"cmd": "servo", "joint": name, "torque": True, "pwm_percent": 0, "hold_ms": 10_000} for name in FINGERS
         ] + [{"cmd": "servos", "pwm_percent": {"left": 30, "right": 30}}]
@@ -99,8 +105,7 @@ def test_fingers_are_let_go_when_the_program_that_holds_them_dies_or_hangs(folde
 
 
 def test_a_connection_that_holds_fingers_and_asks_nothing_is_told_that_they_are_off(folder, servos):
-    with Daemon(folder / "d", SCENE, tick=TICK, joints=gripper(servos.path)) as daemon, control(daemon) as connection:
-        daemon.wait_status(lambda s: s["joints"]["readings"] > 20, "nothing is read")
+    with gripping(folder, servos) as daemon, control(daemon) as connection:
         torque_on(connection, "left", 200)
         reply = read_reply(connection)
         assert not reply["ok"] and "nothing was asked for 200ms" in reply["error"]
@@ -115,12 +120,8 @@ def test_a_connection_that_holds_fingers_and_asks_nothing_is_told_that_they_are_
 
 
 def test_fingers_are_driven_by_none_but_who_holds_them_until_they_are_switched_off(folder, servos):
-    with (
-        Daemon(folder / "d", SCENE, tick=TICK, joints=gripper(servos.path)) as daemon,
-        control(daemon) as holder,
-    ):
+    with gripping(folder, servos) as daemon, control(daemon) as holder:
         other, other_process = control_of_another(daemon)
-        daemon.wait_status(lambda s: s["joints"]["readings"] > 20, "nothing is read")
         both = lambda percent: {"cmd": "servos", "pwm_percent": {"left": percent, "right": percent}}
         pwm = {"cmd": "servo", "joint": "left", "pwm_percent": 50}
         who = f"left: it is driven by user {os.getuid()}, process {{}}, until that lets go"
@@ -192,8 +193,7 @@ def test_the_doctor_hears_the_potentiometers_where_no_daemon_reads_them(folder, 
 
 
 def test_the_python_package_holds_fingers_for_a_block_and_no_longer_than_it_asks_something(folder, servos):
-    with Daemon(folder / "d", SCENE, tick=TICK, joints=gripper(servos.path)) as daemon:
-        daemon.wait_status(lambda s: s["joints"]["readings"] > 20, "nothing is read")
+    with gripping(folder, servos) as daemon:
         with taxel.Control(daemon.control_path) as control:
             for name in FINGERS:
                 control.torque(name, True, pwm_percent=0, hold_ms=10_000)
@@ -224,7 +224,6 @@ def test_the_python_package_holds_a_finger_with_asyncio(folder, servos):
             assert (await control.status())["joints"]["joints"][0]["torque_enabled"] is True
             assert registers(servos, TORQUE) == [1, 0] and registers(servos, GOAL_PWM)[0] == 354
 
-    with Daemon(folder / "d", SCENE, tick=TICK, joints=gripper(servos.path)) as daemon:
-        daemon.wait_status(lambda s: s["joints"]["readings"] > 20, "nothing is read")
+    with gripping(folder, servos) as daemon:
         asyncio.run(hold(daemon))
         eventually(lambda: registers(servos, TORQUE) == [0, 0], "the block has ended")

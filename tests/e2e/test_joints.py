@@ -22,6 +22,7 @@ from harness.joints import (
     Watch,
     all_known,
     comes,
+    driven,
     dynamixel,
     joint_of,
     refused,
@@ -101,8 +102,7 @@ def test_angles_are_those_of_the_images_own_instant(folder):
     servos.close()
 
 
-def test_a_joint_of_the_layout_that_nobody_reads_is_warned_of_once(folder):
-    servos = Servos("--ids", "1-16")
+def test_a_joint_of_the_layout_that_nobody_reads_is_warned_of_once(folder, servos):
     command = [binary("taxel"), "layouts", "uskin-module", "--file"]
     layout = subprocess.run(command, capture_output=True, text=True, check=True).stdout
     (folder / "own.toml").write_text(layout.replace("[[module]]\n", '[[module]]\njoint = "jiont 3"\n', 1))
@@ -113,11 +113,9 @@ def test_a_joint_of_the_layout_that_nobody_reads_is_warned_of_once(folder):
         sentence = "sit on joints that [joints] does not read: `jiont 3` (there is `joint 3`)"
         assert [line for line in daemon.log.splitlines() if "WARN" in line and sentence in line] != []
         assert daemon.log.count(sentence) == 1, daemon.log
-    servos.close()
 
 
-def test_a_dead_servo_is_unknown_and_named_and_the_others_go_on(folder):
-    servos = Servos("--ids", "1-16")
+def test_a_dead_servo_is_unknown_and_named_and_the_others_go_on(folder, servos):
     with Daemon(folder / "d", SCENE, tick=TICK, joints=dynamixel(servos.path)) as daemon, Watch(daemon) as watch:
         watch.until(all_known, "not every angle became known")
         eventually(lambda: "all 16 servos answer" in daemon.log, "no roll call")
@@ -141,7 +139,6 @@ def test_a_dead_servo_is_unknown_and_named_and_the_others_go_on(folder):
         eventually(lambda: "servo joint 5 (id 5) answers again" in daemon.log, "the log does not say that it is back")
         assert told_once_each_time(daemon.log, "joint 5 (id 5) is silent;")
         assert told_once_each_time(daemon.log, "joint 5 (id 5) answers again")
-    servos.close()
 
 
 @pytest.mark.parametrize(
@@ -149,8 +146,7 @@ def test_a_dead_servo_is_unknown_and_named_and_the_others_go_on(folder):
     [("truncated:9", "timeouts bad_crc"), ("bad-crc", "bad_crc"), (LATE, "late"), ("garbage:40", None), ("noise:30", None)],
 )
 @pytest.mark.parametrize("fast", ["off", "auto"])
-def test_damaged_and_late_answers_are_counted_and_never_become_wrong_angles(folder, fault, counter, fast):
-    servos = Servos("--ids", "1-16")
+def test_damaged_and_late_answers_are_counted_and_never_become_wrong_angles(folder, fault, counter, fast, servos):
     joints = dynamixel(servos.path, fast_sync_read=fast)
     with Daemon(folder / "d", SCENE, tick=TICK, joints=joints) as daemon, Watch(daemon) as watch:
         watch.until(all_known, "not every angle became known")
@@ -167,7 +163,6 @@ def test_damaged_and_late_answers_are_counted_and_never_become_wrong_angles(fold
         daemon.wait_status(lambda s: counted(s["joints"]), f"no {counter} is counted")
         servos.tell("mend 3")
         watch.until(all_known, "a mended servo's angle stays unknown")
-    servos.close()
 
 
 @pytest.mark.parametrize(
@@ -180,8 +175,7 @@ def test_damaged_and_late_answers_are_counted_and_never_become_wrong_angles(fold
         ("servo-error", True, "error 5 4", "error 5 0", ["joint 5 (id 5)", "overheating", "Let it cool down"], "no hardware error any more"),
     ],
 )
-def test_what_is_wrong_with_a_servo_is_a_problem_in_words_and_is_over_when_it_is_mended(folder, kind, severe, fault, mend, words, over):
-    servos = Servos("--ids", "1-16")
+def test_what_is_wrong_with_a_servo_is_a_problem_in_words_and_is_over_when_it_is_mended(folder, kind, severe, fault, mend, words, over, servos):
     joints = dynamixel(servos.path, fast_sync_read="off")
     with Daemon(folder / "d", SCENE, tick=TICK, joints=joints) as daemon, Watch(daemon) as watch:
         watch.until(all_known, "not every angle became known")
@@ -218,11 +212,9 @@ def test_what_is_wrong_with_a_servo_is_a_problem_in_words_and_is_over_when_it_is
         said = but_numbers(problem["sentence"].split(";")[0].split(",")[0])
         assert told_once_each_time(but_numbers(daemon.log), said), daemon.log
         eventually(lambda: over in watch.notices, "taxel watch does not say so")
-    servos.close()
 
 
-def test_a_supply_that_is_off_is_one_problem_and_not_sixteen(folder):
-    servos = Servos("--ids", "1-16")
+def test_a_supply_that_is_off_is_one_problem_and_not_sixteen(folder, servos):
     with Daemon(folder / "d", SCENE, tick=TICK, joints=dynamixel(servos.path)) as daemon, Watch(daemon) as watch:
         watch.until(all_known, "not every angle became known")
         for id in IDS:
@@ -234,11 +226,9 @@ def test_a_supply_that_is_off_is_one_problem_and_not_sixteen(folder):
             servos.tell(f"mend {id}")
         daemon.wait_status(lambda s: s["problems"] == [], "it is never over")
         watch.until(all_known, "not every angle is known again")
-    servos.close()
 
 
-def test_nothing_is_written_unless_the_configuration_says_so(folder):
-    servos = Servos("--ids", "1-16")
+def test_nothing_is_written_unless_the_configuration_says_so(folder, servos):
     before = [servos.register(5, *at) for at in (WATCHDOG, TORQUE, GOAL_PWM)]
     with Daemon(folder / "d", SCENE, tick=TICK, joints=dynamixel(servos.path)) as daemon:
         assert daemon.wait_status(lambda s: s["joints"]["readings"] > 50, "nothing is read")["joints"]["writes"] == "never"
@@ -246,13 +236,11 @@ def test_nothing_is_written_unless_the_configuration_says_so(folder):
             status, said = servo(daemon, "joint 5", *arguments)
             assert status == 1 and "joints.allow_writes = true" in said, said
     assert [servos.register(5, *at) for at in (WATCHDOG, TORQUE, GOAL_PWM)] == before
-    servos.close()
     with Daemon(folder / "none", SCENE, tick=TICK) as daemon:
         assert "no table [joints]" in daemon.control("servo", joint="joint 5", torque=True)["error"]
 
 
-def test_torque_and_pwm_are_written_on_request_with_the_watchdog_armed(folder):
-    servos = Servos("--ids", "1-16")
+def test_torque_and_pwm_are_written_on_request_with_the_watchdog_armed(folder, servos):
     joints = dynamixel(servos.path, **WRITING | {"answer_margin_ms": 150.0})
     joints["servo"][5]["direction"] = -1
     with Daemon(folder / "d", SCENE, tick=TICK, joints=joints) as daemon, Watch(daemon) as watch:
@@ -323,14 +311,11 @@ def test_torque_and_pwm_are_written_on_request_with_the_watchdog_armed(folder):
         assert status == 1 and servos.path in said, said
 
 
-def test_a_motor_that_does_not_confirm_that_it_is_off_is_told_again_and_said_to_be_off_when_it_does(folder):
-    servos = Servos("--ids", "1-16")
-    # Two servos that are told three times each must not answer within the two seconds for which the daemon waits.
-    joints = dynamixel(servos.path, **WRITING | {"answer_margin_ms": 150.0})
+def test_a_motor_that_does_not_confirm_that_it_is_off_is_told_again_and_said_to_be_off_when_it_does(folder, servos):
     again = "it is told again until it confirms that"
     off = {5: "torque of joint 5 is off", 6: "torque of joint 6 is off, since who held it is gone"}
-    with Daemon(folder / "d", SCENE, tick=TICK, joints=joints) as daemon:
-        daemon.wait_status(lambda s: s["joints"]["readings"] > 50, "nothing is read")
+    # Two servos that are told three times each must not answer within the two seconds for which the daemon waits.
+    with driven(folder, servos, answer_margin_ms=150.0) as daemon:
         assert servo(daemon, "joint 5", "--torque", "on") == (0, "")
         with connect(daemon.control_path) as holder:
             assert ask(holder, {"cmd": "servo", "joint": "joint 6", "torque": True, "hold_ms": 10_000})["ok"]
@@ -351,15 +336,12 @@ def test_a_motor_that_does_not_confirm_that_it_is_off_is_told_again_and_said_to_
             eventually(lambda: line in daemon.log, f"nobody says that joint {id} is off")
             servos.let_go(id)
         daemon.wait_status(lambda s: s["problems"] == [], "it is never over")
-    servos.close()
 
 
-def test_who_cannot_start_a_motor_anew_that_runs_hears_that_it_is_told_to_be_off(folder):
-    servos = Servos("--ids", "1-16")
+def test_who_cannot_start_a_motor_anew_that_runs_hears_that_it_is_told_to_be_off(folder, servos):
     on = {"cmd": "servo", "joint": "joint 5", "torque": True}
     told = "its motor may run, and is told to be off until it confirms that"
-    with Daemon(folder / "d", SCENE, tick=TICK, joints=dynamixel(servos.path, **WRITING)) as daemon:
-        daemon.wait_status(lambda s: s["joints"]["readings"] > 50, "nothing is read")
+    with driven(folder, servos) as daemon:
         for more in [{}, {"pwm_percent": 1}, {"hold_ms": 10_000}]:
             with connect(daemon.control_path) as client:
                 started = ask(client, on)
@@ -370,15 +352,11 @@ def test_who_cannot_start_a_motor_anew_that_runs_hears_that_it_is_told_to_be_off
                 servos.tell("mend 5")
                 eventually(lambda: servos.register(5, *TORQUE) == 0, "it is not")
                 daemon.wait_status(lambda s: s["problems"] == [], "nobody knows that it is off")
-    servos.close()
 
 
-def test_the_log_tells_of_a_motor_in_the_order_in_which_its_servo_was_told(folder):
-    servos = Servos("--ids", "1-16")
-    joints = dynamixel(servos.path, **WRITING)
+def test_the_log_tells_of_a_motor_in_the_order_in_which_its_servo_was_told(folder, servos):
     on = {"cmd": "servo", "joint": "joint 5", "torque": True, "pwm_percent": 0}
-    with Daemon(folder / "d", SCENE, tick=TICK, joints=joints) as daemon:
-        daemon.wait_status(lambda s: s["joints"]["readings"] > 50, "nothing is read")
+    with driven(folder, servos) as daemon:
         for _ in range(8):
             with connect(daemon.control_path) as holder:
                 assert ask(holder, on | {"hold_ms": 10_000})["ok"]
@@ -387,14 +365,10 @@ def test_the_log_tells_of_a_motor_in_the_order_in_which_its_servo_was_told(folde
         words = re.compile("torque of joint 5 is (on|off, since who held it is gone)")
         eventually(lambda: len(words.findall(daemon.log)) == 24, "something is not told")
         assert words.findall(daemon.log) == 8 * ["on", "off, since who held it is gone", "on"]
-    servos.close()
 
 
-def test_each_of_two_who_tell_one_servo_something_at_once_hears_of_its_own_request(folder):
-    servos = Servos("--ids", "1-16")
-    joints = dynamixel(servos.path, **WRITING)
-    with Daemon(folder / "d", SCENE, tick=TICK, joints=joints) as daemon:
-        daemon.wait_status(lambda s: s["joints"]["readings"] > 50, "nothing is read")
+def test_each_of_two_who_tell_one_servo_something_at_once_hears_of_its_own_request(folder, servos):
+    with driven(folder, servos) as daemon:
         with connect(daemon.control_path) as one, connect(daemon.control_path) as other:
             for percent in (5, -5):
                 for client in (one, other):
@@ -402,14 +376,10 @@ def test_each_of_two_who_tell_one_servo_something_at_once_hears_of_its_own_reque
                     client.sendall(json.dumps(request).encode() + b"\n")
                 for reply in [read_reply(one), read_reply(other)]:
                     assert not reply["ok"] and "enable its torque first" in reply["error"], reply
-    servos.close()
 
 
-def test_who_tells_a_servo_something_that_reports_a_hardware_error_hears_of_it(folder):
-    servos = Servos("--ids", "1-16")
-    joints = dynamixel(servos.path, **WRITING)
-    with Daemon(folder / "d", SCENE, tick=TICK, joints=joints) as daemon:
-        daemon.wait_status(lambda s: s["joints"]["readings"] > 50, "nothing is read")
+def test_who_tells_a_servo_something_that_reports_a_hardware_error_hears_of_it(folder, servos):
+    with driven(folder, servos) as daemon:
         assert servo(daemon, "joint 6", "--torque", "on", "--pwm", "0") == (0, "")
         servos.tell("error 5 32")
         assert comes(daemon, "servo-error", "joint 5", "overload")["severe"]
@@ -426,21 +396,16 @@ def test_who_tells_a_servo_something_that_reports_a_hardware_error_hears_of_it(f
         servos.tell("fault 5 refuse:6")
         status, said = servo(daemon, "joint 5", "--pwm", "6")
         assert status == 1 and "data limit" in said and "hardware error: overload" in said, said
-    servos.close()
 
 
-def test_who_ends_says_which_motors_are_off_and_of_which_nobody_knows(folder):
-    servos = Servos("--ids", "1-16")
-    joints = dynamixel(servos.path, **WRITING)
-    with Daemon(folder / "d", SCENE, tick=TICK, joints=joints) as daemon:
-        daemon.wait_status(lambda s: s["joints"]["readings"] > 50, "nothing is read")
+def test_who_ends_says_which_motors_are_off_and_of_which_nobody_knows(folder, servos):
+    with driven(folder, servos) as daemon:
         for joint in ["joint 5", "joint 6"]:
             assert servo(daemon, joint, "--torque", "on") == (0, "")
         servos.tell("fault 6 silent")
         assert daemon.stop() == 0
         assert "torque of joint 5 is off, since taxeld ends" in daemon.log and "torque of joint 6 is off" not in daemon.log
         assert "nobody knows whether the motor of joint 6 is off" in daemon.log
-    servos.close()
 
 
 def test_an_adapter_that_comes_back_under_another_number_is_found_by_its_stable_name(folder):

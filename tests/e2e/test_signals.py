@@ -18,10 +18,10 @@ from harness.joints import (
     TORQUE,
     WRITING,
     comes,
+    driven,
     dynamixel,
     servo,
 )
-from harness.servos import Servos
 
 ENDING = [
     signal.SIGTERM,
@@ -43,10 +43,9 @@ ENDING = [
 
 
 @pytest.mark.parametrize("by", ENDING, ids=lambda by: by.name)
-def test_boards_and_motors_are_stopped_by_a_signal_that_ends_the_process(folder, by):
-    servos = Servos("--ids", "1-16")
-    joints = dynamixel(servos.path, **WRITING)
+def test_boards_and_motors_are_stopped_by_a_signal_that_ends_the_process(folder, by, servos):
     with MulticastBuses(1) as ear:
+        joints = dynamixel(servos.path, **WRITING)
         with Daemon(folder / "d", ear.sources, layout="uskin-module", tick=TICK, joints=joints) as daemon:
             daemon.wait_status(lambda s: s["joints"]["readings"] > 50, "nothing is read")
             assert servo(daemon, "joint 5", "--torque", "on") == (0, "")
@@ -58,7 +57,6 @@ def test_boards_and_motors_are_stopped_by_a_signal_that_ends_the_process(folder,
             heard.append((message.arbitration_id, bytes(message.data)))
     # Its watchdog was disarmed by whoever switched the motor off.
     servos.let_go(5)
-    servos.close()
     assert len(heard) > 1 and heard[-1] != heard[0], "the board was not told to stop"
     assert heard[-1][0] == heard[0][0]
 
@@ -73,31 +71,24 @@ def test_a_signal_that_ends_nothing_is_lived_through(folder, by):
 
 
 @pytest.mark.parametrize("by", [signal.SIGABRT, signal.SIGTRAP, signal.SIGSYS], ids=lambda by: by.name)
-def test_a_signal_that_tells_of_a_fault_ends_it_at_once_and_motors_stop_by_their_watchdogs(folder, by):
-    servos = Servos("--ids", "1-16")
-    joints = dynamixel(servos.path, **WRITING)
-    with Daemon(folder / "d", SCENE, tick=TICK, joints=joints) as daemon:
-        daemon.wait_status(lambda s: s["joints"]["readings"] > 50, "nothing is read")
+def test_a_signal_that_tells_of_a_fault_ends_it_at_once_and_motors_stop_by_their_watchdogs(folder, by, servos):
+    with driven(folder, servos) as daemon:
         assert servo(daemon, "joint 5", "--torque", "on") == (0, "")
         assert daemon.stop(by) == -by
         servos.tell("watchdogs run")
         eventually(lambda: servos.stopped_ns(5), "the watchdog does not act")
         # What it has left behind is in nobody's way.
         daemon.start()
-    servos.close()
 
 
-def test_a_motor_that_a_killed_taxeld_has_left_on_is_switched_off_by_the_next(folder):
-    servos = Servos("--ids", "1-16")
+def test_a_motor_that_a_killed_taxeld_has_left_on_is_switched_off_by_the_next(folder, servos):
     servos.tell(f"mode 5 {PWM_MODE}")
-    joints = dynamixel(servos.path, **WRITING)
-    with Daemon(folder / "d", SCENE, tick=TICK, joints=joints) as daemon:
-        daemon.wait_status(lambda s: s["joints"]["readings"] > 50, "nothing is read")
+    with driven(folder, servos) as daemon:
         assert servo(daemon, "joint 5", "--torque", "on", "--pwm", "20") == (0, "")
         eventually(lambda: servos.register(5, *PRESENT_PWM) != 0, "the motor does not turn")
         daemon.kill()
     # Before its watchdog has acted.
-    with Daemon(folder / "d", SCENE, tick=TICK, joints=joints) as daemon:
+    with driven(folder, servos) as daemon:
         problem = comes(daemon, "motor-lost", "joint 5", "was left on by a taxeld that was killed", "enabled anew")
         assert problem["severe"]
         eventually(lambda: problem["sentence"] in daemon.log, "the log does not say so")
@@ -106,13 +97,10 @@ def test_a_motor_that_a_killed_taxeld_has_left_on_is_switched_off_by_the_next(fo
         assert status == 1 and "was left on by a taxeld that was killed" in said, said
         assert servo(daemon, "joint 5", "--torque", "on") == (0, "")
         daemon.wait_status(lambda s: s["problems"] == [], "it is never over")
-    servos.close()
 
 
 @pytest.mark.parametrize("is_abstract", [False, True], ids=["path", "abstract"])
-def test_a_service_manager_that_reads_nothing_keeps_no_motor_on_and_is_told_once_it_reads(folder, is_abstract):
-    servos = Servos("--ids", "1-16")
-    joints = dynamixel(servos.path, **WRITING)
+def test_a_service_manager_that_reads_nothing_keeps_no_motor_on_and_is_told_once_it_reads(folder, is_abstract, servos):
     name = f"@{folder}" if is_abstract else str(folder / "notify")
     with socket.socket(socket.AF_UNIX, socket.SOCK_DGRAM) as manager:
         manager.settimeout(HANGS_AFTER_S)
@@ -128,6 +116,7 @@ def test_a_service_manager_that_reads_nothing_keeps_no_motor_on_and_is_told_once
                 pass
 
         fill()
+        joints = dynamixel(servos.path, **WRITING)
         with Daemon(folder / "d", SCENE, environment={"NOTIFY_SOCKET": name}, tick=TICK, joints=joints) as daemon:
             for switch in ("on", "off", "on"):
                 assert servo(daemon, "joint 5", "--torque", switch) == (0, "")
@@ -137,14 +126,10 @@ def test_a_service_manager_that_reads_nothing_keeps_no_motor_on_and_is_told_once
             fill()
             assert daemon.stop() == 0
             assert servos.register(5, *TORQUE) == 0
-    servos.close()
 
 
-def test_no_motor_stays_on_at_the_end_because_other_servos_are_silent(folder):
-    servos = Servos("--ids", "1-16")
-    joints = dynamixel(servos.path, **WRITING | {"answer_margin_ms": 500.0})
-    with Daemon(folder / "d", SCENE, tick=TICK, joints=joints) as daemon:
-        daemon.wait_status(lambda s: s["joints"]["readings"] > 50, "nothing is read")
+def test_no_motor_stays_on_at_the_end_because_other_servos_are_silent(folder, servos):
+    with driven(folder, servos, answer_margin_ms=500.0) as daemon:
         for id in IDS:
             assert servo(daemon, f"joint {id}", "--torque", "on") == (0, "")
         for id in range(1, 15):
@@ -152,7 +137,6 @@ def test_no_motor_stays_on_at_the_end_because_other_servos_are_silent(folder):
         daemon.stop()
         # The last that it said may still be on its way to them.
         eventually(lambda: [servos.register(id, *TORQUE) for id in IDS] == [0] * 16, "a motor stays on")
-    servos.close()
 
 
 class Manager:

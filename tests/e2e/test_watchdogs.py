@@ -4,11 +4,10 @@ import dynamixel_sdk as dxl
 from harness.daemon import Daemon, eventually
 from harness.joints import SCENE, TICK, WATCHDOG, WRITING, dynamixel, servo
 from harness.sdk_port import SdkPort
-from harness.servos import BAUD, Servos
+from harness.servos import BAUD
 
 
-def test_a_watchdog_that_was_left_armed_on_a_motor_that_is_off_is_cleared_where_writing_is_allowed(folder):
-    servos = Servos("--ids", "1-16")
+def test_a_watchdog_that_was_left_armed_on_a_motor_that_is_off_is_cleared_where_writing_is_allowed(folder, servos):
     port, packets = SdkPort(servos), dxl.PacketHandler(2.0)
     assert port.openPort() and port.setBaudRate(BAUD)
     for id in (5, 6):

@@ -4,8 +4,9 @@ import math
 import socket
 import subprocess
 import sys
+from contextlib import contextmanager
 
-from harness.daemon import ask, connect
+from harness.daemon import Daemon, ask, connect
 from harness.joints import WRITING
 
 SCENE = ["sim:idle", "sim:idle"]
@@ -19,6 +20,14 @@ def gripper(path, **more):
     """The table [joints] of two servos that may be moved."""
     servos = [{"id": id, "name": name} for name, id in FINGERS.items()]
     return {"source": f"dynamixel:{path}", **WRITING, "hold_ms": 2000.0, **more, "servo": servos}
+
+
+@contextmanager
+def gripping(folder, servos, **more):
+    """A daemon that may move these servos, and has read them."""
+    with Daemon(folder / "d", SCENE, tick=TICK, joints=gripper(servos.path, **more)) as daemon:
+        daemon.wait_status(lambda s: s["joints"]["readings"] > 20, "nothing is read")
+        yield daemon
 
 
 def with_potentiometers(servos, path):

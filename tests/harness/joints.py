@@ -3,6 +3,7 @@
 import json
 import subprocess
 import threading
+from contextlib import contextmanager
 
 from harness.daemon import Daemon, binary, die_with_parent, eventually
 
@@ -18,6 +19,14 @@ WRITING = {"allow_writes": True, "watchdog_ms": 2540, "answer_margin_ms": 400.0,
 def dynamixel(path, **more):
     servos = [{"id": id, "name": f"joint {id}"} for id in IDS]
     return {"source": f"dynamixel:{path}", **PATIENT, **more, "servo": servos}
+
+
+@contextmanager
+def driven(folder, servos, **more):
+    """A daemon that may move these servos, and has read them."""
+    with Daemon(folder / "d", SCENE, tick=TICK, joints=dynamixel(servos.path, **WRITING | more)) as daemon:
+        daemon.wait_status(lambda s: s["joints"]["readings"] > 50, "nothing is read")
+        yield daemon
 
 
 class Watch:

@@ -90,6 +90,12 @@ class Servos:
 
         return eventually(answered, lambda: f"the bus does not come to rest: {self.traffic()}")
 
+    def __enter__(self):
+        return self
+
+    def __exit__(self, *_):
+        self.close()
+
     def close(self):
         if self.process.poll() is None:
             self.process.stdin.close()
