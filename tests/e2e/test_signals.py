@@ -118,6 +118,7 @@ def test_a_service_manager_that_reads_nothing_keeps_no_motor_on_and_is_told_once
         fill()
         joints = dynamixel(servos.path, **WRITING)
         with Daemon(folder / "d", SCENE, environment={"NOTIFY_SOCKET": name}, tick=TICK, joints=joints) as daemon:
+            daemon.wait_status(lambda s: s["joints"]["readings"] > 50, "nothing is read")
             for switch in ("on", "off", "on"):
                 assert servo(daemon, "joint 5", "--torque", switch) == (0, "")
                 assert servos.register(5, *TORQUE) == (switch == "on")
