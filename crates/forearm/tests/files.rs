@@ -27,6 +27,15 @@ fn trial(place: usize, repetition: usize, samples: usize) -> Trial {
     }
 }
 
+fn session(name: impl AsRef<Path>, trials: impl Into<Vec<Trial>>) -> Session {
+    Session {
+        name: name.as_ref().display().to_string(),
+        simulated: false,
+        passed_over: Vec::new(),
+        trials: trials.into(),
+    }
+}
+
 fn write(folder: &Path, place: usize, repetition: usize, bytes: &[u8]) {
     fs::create_dir_all(folder.join(place.to_string())).unwrap();
     let name = format!("{place}/distance{place}_{repetition}.mat");
@@ -53,12 +62,7 @@ fn a_folder_of_mat_files_is_a_session_in_the_order_of_places_and_repetitions() {
 fn an_npz_holds_squeezes_of_unequal_length_and_leaves_out_those_that_were_not_made() {
     let folder = tempfile::tempdir().unwrap();
     let path = folder.path().join("session.npz");
-    let mut session = Session {
-        name: path.display().to_string(),
-        simulated: false,
-        passed_over: Vec::new(),
-        trials: vec![trial(0, 0, 5), trial(0, 1, 7), trial(12, 1, 3)],
-    };
+    let mut session = session(&path, [trial(0, 0, 5), trial(0, 1, 7), trial(12, 1, 3)]);
     session.write_npz(&path).unwrap();
     assert_eq!(Session::open(&path).unwrap(), session);
     for (n, trial) in session.trials.iter_mut().enumerate() {
@@ -76,10 +80,8 @@ fn what_is_simulated_says_so_in_every_kind_of_file() {
     let path = folder.path().join("session.npz");
     for simulated in [true, false] {
         let session = Session {
-            name: path.display().to_string(),
             simulated,
-            passed_over: Vec::new(),
-            trials: vec![trial(0, 0, 5), trial(12, 0, 5)],
+            ..session(&path, [trial(0, 0, 5), trial(12, 0, 5)])
         };
         session.write_npz(&path).unwrap();
         assert_eq!(Session::open(&path).unwrap(), session);
@@ -101,12 +103,7 @@ fn what_is_simulated_says_so_in_every_kind_of_file() {
 fn a_squeeze_of_an_npz_is_cut_off_where_no_row_follows_and_nowhere_else() {
     let folder = tempfile::tempdir().unwrap();
     let path = folder.path().join("session.npz");
-    let mut session = Session {
-        name: path.display().to_string(),
-        simulated: false,
-        passed_over: Vec::new(),
-        trials: vec![trial(0, 0, 9), trial(12, 0, 9)],
-    };
+    let mut session = session(&path, [trial(0, 0, 9), trial(12, 0, 9)]);
     session.trials[1].squeeze.time_ms[4] = f64::NAN;
     session.write_npz(&path).unwrap();
     let error = Session::open(&path).unwrap_err().to_string();
@@ -165,12 +162,7 @@ fn what_cannot_be_read_is_named() {
         repetition: 0,
         squeeze: squeeze(place, 4),
     });
-    let shares = Session {
-        name: "shares".into(),
-        simulated: false,
-        passed_over: Vec::new(),
-        trials: trials.into(),
-    };
+    let shares = session("shares", trials);
     shares.write_npz(&path).unwrap();
     let error = Session::open(&path).unwrap_err().to_string();
     assert!(error.contains("multiply shares of the forearm by 100"), "{error}");
@@ -193,12 +185,7 @@ fn a_copy_with_a_date_for_its_number_is_refused_by_name() {
 fn one_squeeze_without_touch_costs_no_others_theirs() {
     let folder = tempfile::tempdir().unwrap();
     let path = folder.path().join("session.npz");
-    let mut session = Session {
-        name: "touched".into(),
-        simulated: false,
-        passed_over: Vec::new(),
-        trials: vec![trial(0, 0, 5), trial(1, 0, 5), trial(1, 1, 5)],
-    };
+    let mut session = session("touched", [trial(0, 0, 5), trial(1, 0, 5), trial(1, 1, 5)]);
     for n in [0, 1] {
         session.trials[n].squeeze.tactile = Some(vec![1; 5 * TACTELS]);
     }
@@ -243,12 +230,7 @@ fn times_in_seconds_are_refused_wherever_they_come_from() {
         write(folder.path(), 1, 3, &trial.squeeze.to_mat());
         let path = folder.path().join("1/distance1_3.mat");
         let of_mat = Squeeze::read_mat(&path).unwrap_err().to_string();
-        let session = Session {
-            name: "in seconds".into(),
-            simulated: false,
-            passed_over: Vec::new(),
-            trials: vec![trial],
-        };
+        let session = session("in seconds", [trial]);
         let path = folder.path().join("session.npz");
         session.write_npz(&path).unwrap();
         let of_npz = Session::open(&path).unwrap_err().to_string();
