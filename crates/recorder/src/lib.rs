@@ -34,10 +34,7 @@ pub use live::{CanInput, CanRead, Described, Finished, LiveError, Plan, Signals,
 pub use reader::{Item, ReadError, RecordingReader};
 pub use schema::Topic;
 pub use series::{numbered_beside, parts};
-pub use standard::{
-    clock_message, diagnostics_message, event_message, event_name, joints_message, picture_message,
-    read_event, read_text, text_message,
-};
+pub use standard::{clock_message, event_message, event_name, read_event, read_text, text_message};
 pub use store::{Around, Split, Store, Written};
 pub use store_error::StoreError;
 pub use tactile::{RecordedFrame, frame_message, image_message, read_image};

@@ -28,7 +28,7 @@ pub fn read_text(message: &[u8]) -> Option<&str> {
 }
 
 /// `sensor_msgs/Image` of the greys, `mono8`.
-pub fn picture_message(image: &ImageView<'_>, wall_ns: u64) -> Vec<u8> {
+pub(crate) fn picture_message(image: &ImageView<'_>, wall_ns: u64) -> Vec<u8> {
     let mut cdr = CdrWriter::with_capacity(64 + image.pixels().len());
     put_header(&mut cdr, wall_ns, "hand");
     cdr.u32(image.height.into());
@@ -41,7 +41,7 @@ pub fn picture_message(image: &ImageView<'_>, wall_ns: u64) -> Vec<u8> {
 }
 
 /// `sensor_msgs/JointState`: angles, and velocities where they are known. Efforts are unknown: currents are no torques.
-pub fn joints_message(names: &[String], raw: &RawView<'_>, wall_ns: u64) -> Vec<u8> {
+pub(crate) fn joints_message(names: &[String], raw: &RawView<'_>, wall_ns: u64) -> Vec<u8> {
     let mut cdr = CdrWriter::with_capacity(64 + 48 * names.len());
     put_header(&mut cdr, wall_ns, "");
     cdr.texts(names.iter().map(String::as_str));
@@ -55,7 +55,7 @@ pub fn joints_message(names: &[String], raw: &RawView<'_>, wall_ns: u64) -> Vec<
 }
 
 /// `diagnostic_msgs/DiagnosticArray`: one status per problem, or one that all is well.
-pub fn diagnostics_message(status: &Status, wall_ns: u64) -> Vec<u8> {
+pub(crate) fn diagnostics_message(status: &Status, wall_ns: u64) -> Vec<u8> {
     let mut cdr = CdrWriter::with_capacity(1024);
     put_header(&mut cdr, wall_ns, "");
     cdr.u32(status.problems.len().max(1) as u32);
