@@ -1,6 +1,6 @@
 //! What is said of a recording that is read otherwise than it was meant.
 
-use crate::{fails, succeeds};
+use crate::{fails, succeeds, words};
 use ndarray::{Array1, Array2, Array3, Array4};
 use ndarray_npy::write_npy;
 use std::fs::File;
@@ -61,18 +61,7 @@ fn magnitudes_that_fall_under_touch_are_told() {
             _ => 3500.0,
         });
         write_npy(dir.path().join("in.npy"), &values).unwrap();
-        let args = [
-            "compress",
-            "in.npy",
-            "--layout",
-            "grid:2x2",
-            "--idle",
-            "20",
-            "--threshold",
-            "15",
-            "--out",
-            "o.npz",
-        ];
+        let args = words("compress in.npy --layout grid:2x2 --idle 20 --threshold 15 --out o.npz");
         let (_, err) = succeeds(&dir, &args);
         let told = format!(
             "fall by up to {falls} below rest (--idle) and rise by up to {rises}; where touch lowers them"

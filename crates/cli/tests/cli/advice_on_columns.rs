@@ -1,6 +1,6 @@
 //! What is said of columns of a table that are read otherwise than they were meant.
 
-use crate::{fails, succeeds};
+use crate::{fails, succeeds, words};
 use tempfile::TempDir;
 
 #[test]
@@ -385,18 +385,7 @@ fn columns_in_the_order_of_their_names_as_texts_are_taken_by_their_numbers() {
         )
         .unwrap();
     };
-    let args = [
-        "compress",
-        "in.csv",
-        "--layout",
-        "grid:3x4",
-        "--threshold",
-        "10",
-        "--out",
-        "o.csv",
-        "--rate",
-        "30",
-    ];
+    let args = words("compress in.csv --layout grid:3x4 --threshold 10 --out o.csv --rate 30");
     let told =
         "in the order of their names as texts; they are taken by the numbers in their names, s0, s1, s2, ..";
     // As they are written by who sorts texts; as they count; and as somebody has laid them out.
@@ -429,16 +418,7 @@ fn columns_of_other_taxels_than_the_board_has_are_refused() {
         )
         .unwrap();
     };
-    let args = [
-        "compress",
-        "in.csv",
-        "--rate",
-        "30",
-        "--layout",
-        "uskin-module",
-        "--out",
-        "o.npz",
-    ];
+    let args = words("compress in.csv --rate 30 --layout uskin-module --out o.npz");
     let without = |left_out: u32, to: u32| (0..=to).filter(|k| *k != left_out).collect::<Vec<u32>>();
     write(&without(3, 16));
     let err = fails(&dir, &args, 1);

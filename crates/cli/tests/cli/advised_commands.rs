@@ -1,6 +1,6 @@
 //! Commands that messages tell people to type.
 
-use crate::{fails, succeeds};
+use crate::{fails, succeeds, words};
 use ndarray::Array2;
 use ndarray_npy::write_npy;
 use taxel_recorder::{Entry, Preamble, RecordingWriter, Topic};
@@ -79,16 +79,7 @@ fn one_thing_is_not_told_in_the_plural() {
     assert!(err.contains("o.npz: 1 image of 2x2, 1 with contact"), "{err}");
     let (out, _) = succeeds(
         &dir,
-        &[
-            "view",
-            "one.npy",
-            "--layout",
-            "grid:2x2",
-            "--levels",
-            "1",
-            "--actuators",
-            "1",
-        ],
+        &words("view one.npy --layout grid:2x2 --levels 1 --actuators 1"),
     );
     assert!(
         out.contains("4 taxels; method optimal, 1 level, 1 actuator\n"),

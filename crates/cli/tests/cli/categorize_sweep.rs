@@ -1,6 +1,6 @@
 //! `taxel categorize --sweep`: every motion judged, and its figures.
 
-use crate::succeeds;
+use crate::{succeeds, words};
 
 #[test]
 fn a_sweep_judges_every_motion_and_draws_what_it_can() {
@@ -79,15 +79,7 @@ fn a_window_leaves_what_is_above_it_out_of_motions_down() {
 fn frames_behind_the_longest_motion_of_a_file_are_told_and_counted() {
     let dir = tempfile::tempdir().unwrap();
     touched(&dir, 13);
-    let args = [
-        "categorize",
-        "own.csv",
-        "--depth",
-        "6",
-        "--classes",
-        "2",
-        "--json",
-    ];
+    let args = words("categorize own.csv --depth 6 --classes 2 --json");
     let (out, told) = succeeds(&dir, &args);
     let out: serde_json::Value = serde_json::from_str(&out).unwrap();
     assert_eq!(out["frames_left_out"], 8, "{out}");

@@ -1,7 +1,7 @@
 //! What `taxel categorize` says of touches that are none, or are there twice, and of manifests of which it takes a part.
 
 use crate::categorize::recorded;
-use crate::{fails, succeeds};
+use crate::{fails, succeeds, words};
 use serde_json::Value;
 use tempfile::TempDir;
 
@@ -10,15 +10,7 @@ fn contact_leaves_out_touches_that_the_recording_begins_or_ends_in() {
     let dir = recorded();
     let frames = std::fs::read_to_string(dir.path().join("frames.csv")).unwrap();
     let lines: Vec<&str> = frames.lines().collect();
-    let args = [
-        "categorize",
-        "cut.csv",
-        "--contact",
-        "5",
-        "--classes",
-        "2",
-        "--json",
-    ];
+    let args = words("categorize cut.csv --contact 5 --classes 2 --json");
     let first = "the touch that is in contact in the first frame is left out (7 frames)";
     let last = "the touch that is in contact in the last frame is left out (7 frames)";
     let short = "1 contact shorter than 5 frames is left out; --least N";

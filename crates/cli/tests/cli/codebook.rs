@@ -1,6 +1,6 @@
 //! `taxel compress --learn-codebook`.
 
-use crate::{fails, succeeds};
+use crate::{fails, succeeds, words};
 use ndarray::Array3;
 use serde_json::Value;
 use tempfile::TempDir;
@@ -12,30 +12,14 @@ fn a_learned_codebook_is_a_configuration() {
         &dir,
         &["sim", "ball-grasp", "--to", "log:grasp.log", "--seconds", "4"],
     );
-    let learn = [
-        "compress",
-        "grasp.log",
-        "--out",
-        "a.npy",
-        "--levels",
-        "4",
-        "--learn-codebook",
-        "book.toml",
-    ];
+    let learn = words("compress grasp.log --out a.npy --levels 4 --learn-codebook book.toml");
     succeeds(&dir, &learn);
     let book = std::fs::read_to_string(dir.path().join("book.toml")).unwrap();
     let settings = format!("[[bus]]\nsource = \"can:can0\"\n[[bus]]\nsource = \"can:can1\"\n{book}");
     std::fs::write(dir.path().join("taxeld.toml"), settings).unwrap();
     succeeds(
         &dir,
-        &[
-            "compress",
-            "grasp.log",
-            "--config",
-            "taxeld.toml",
-            "--out",
-            "b.jsonl",
-        ],
+        &words("compress grasp.log --config taxeld.toml --out b.jsonl"),
     );
     let text = std::fs::read_to_string(dir.path().join("b.jsonl")).unwrap();
     let levels = |line: &str| serde_json::from_str::<Value>(line).unwrap()["levels"].clone();

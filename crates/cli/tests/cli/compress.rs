@@ -1,6 +1,6 @@
 //! `taxel compress`: recordings into images, the same bytes as the daemon's.
 
-use crate::{config, fails, succeeds};
+use crate::{config, fails, succeeds, words};
 use ndarray::{Array2, Array3};
 use serde_json::{Value, json};
 use std::path::{Path, PathBuf};
@@ -123,14 +123,7 @@ fn counts_compress_alike_from_the_array_and_from_the_traffic_they_become() {
     std::fs::write(dir.path().join("taxeld.toml"), settings).unwrap();
     succeeds(
         &dir,
-        &[
-            "compress",
-            "module.log",
-            "--config",
-            "taxeld.toml",
-            "--out",
-            "traffic.npy",
-        ],
+        &words("compress module.log --config taxeld.toml --out traffic.npy"),
     );
     let read = |file: &str| -> Array3<u8> { ndarray_npy::read_npy(dir.path().join(file)).unwrap() };
     let (direct, traffic) = (read("direct.npy"), read("traffic.npy"));
@@ -284,14 +277,7 @@ fn the_threshold_of_counts_is_named_and_a_hand_that_moves_while_it_is_measured()
     );
     let err = fails(
         &dir,
-        &[
-            "compress",
-            "forces.npy",
-            "--out",
-            "o.npz",
-            "--calibration-ms",
-            "700",
-        ],
+        &words("compress forces.npy --out o.npz --calibration-ms 700"),
         1,
     );
     assert!(
@@ -501,14 +487,7 @@ fn the_method_paper_has_the_publications_conditioning_unless_told_otherwise() {
     assert_ne!(bytes(&["--conditioning", "paper"]), bytes(&[]));
     let err = fails(
         &dir,
-        &[
-            "compress",
-            "grasp.log",
-            "--out",
-            "a.bin",
-            "--conditioning",
-            "best",
-        ],
+        &words("compress grasp.log --out a.bin --conditioning best"),
         2,
     );
     assert!(err.contains("robust or paper"), "{err}");

@@ -1,6 +1,6 @@
 //! Counts of three axes, from whatever skin and in whatever file.
 
-use crate::{fails, succeeds};
+use crate::{fails, succeeds, words};
 use ndarray::{Array1, Array3, Array4, Axis, s};
 use ndarray_npy::{NpzReader, NpzWriter, write_npy};
 use std::fs::{File, read_to_string, write};
@@ -109,14 +109,7 @@ fn a_skin_without_buses_is_conditioned_as_one_with_boards() {
     assert!(err.contains("16 taxels and layout grid:3x5 has 15"), "{err}");
     let err = fails(
         &dir,
-        &[
-            "replay",
-            "module.npz",
-            "--layout",
-            "grid:4x4",
-            "--to",
-            "log:a.log",
-        ],
+        &words("replay module.npz --layout grid:4x4 --to log:a.log"),
         1,
     );
     assert!(err.contains("name the layout of a hand with boards"), "{err}");

@@ -1,22 +1,13 @@
 //! `taxel doctor` on recordings.
 
-use super::{succeeds, taxel, texts};
+use super::{succeeds, taxel, texts, words};
 use std::fs;
 use tempfile::TempDir;
 
 #[test]
 fn joints_on_a_bus_of_the_skin_are_no_strangers_there() {
     let dir = TempDir::new().unwrap();
-    let sim = [
-        "sim",
-        "idle",
-        "--layout",
-        "uskin-module",
-        "--to",
-        "log:skin.log",
-        "--seconds",
-        "4",
-    ];
+    let sim = words("sim idle --layout uskin-module --to log:skin.log --seconds 4");
     succeeds(&dir, &sim);
     // An Allegro hand of version 4, whose four fingers speak behind each frame of the skin.
     let mut both = String::new();

@@ -1,6 +1,6 @@
 //! `taxel figures`: the first publication's figures, with their numbers.
 
-use crate::{fails, succeeds};
+use crate::{fails, succeeds, words};
 use ndarray::{Array2, Array3};
 use ndarray_npy::write_npy;
 use std::fs;
@@ -108,16 +108,7 @@ fn a_constant_codebook_of_ones_own_has_a_row_beside_the_others() {
             format!("layout = \"uskin-module\"\n[[bus]]\nsource = \"can:can0\"\n[profile]\n{profile}\n"),
         )
         .unwrap();
-        let args = [
-            "figures",
-            "grid.csv",
-            "--config",
-            "taxeld.toml",
-            "--layout",
-            "grid:2x2",
-            "--out",
-            "out",
-        ];
+        let args = words("figures grid.csv --config taxeld.toml --layout grid:2x2 --out out");
         succeeds(&dir, &args);
         let shown = rows(&dir, "grid-time.csv", "configured (constant),line,configured");
         assert_eq!(!shown.is_empty(), is_constant, "{profile}");
@@ -170,14 +161,7 @@ fn several_recordings_become_one_table_and_one_sheet() {
     );
     let (out, _) = succeeds(
         &dir,
-        &[
-            "figures",
-            "sim:golf-ball",
-            "sim:soup-can",
-            "--out",
-            "out",
-            "--json",
-        ],
+        &words("figures sim:golf-ball sim:soup-can --out out --json"),
     );
     let named: Vec<serde_json::Value> = out
         .lines()

@@ -1,6 +1,6 @@
 //! `taxel forearm` on a simulated forearm.
 
-use crate::{fails, succeeds, taxel, texts};
+use crate::{fails, succeeds, taxel, texts, words};
 use serde_json::{Value, json};
 use std::fs;
 use taxel_forearm::{Sample, Session, Squeeze};
@@ -105,15 +105,7 @@ fn a_gripper_without_potentiometers_is_trained_on_and_what_cannot_be_estimated_h
             && out.contains("without theta_p of finger 0 and theta_p of finger 1: no squeeze has it"),
         "{out}"
     );
-    let keep = [
-        "forearm",
-        "record",
-        "session",
-        "--repetitions",
-        "2",
-        "--npz",
-        "kept.npz",
-    ];
+    let keep = words("forearm record session --repetitions 2 --npz kept.npz");
     // Not all touch of the session is lost for the one that has none.
     let error = fails(&dir, &keep, 1);
     assert!(

@@ -1,6 +1,6 @@
 //! `taxel forearm eval` and `figures` on a simulated forearm.
 
-use crate::succeeds;
+use crate::{succeeds, words};
 use serde_json::{Value, json};
 use std::fs;
 use taxel_forearm::{Session, TACTELS};
@@ -9,17 +9,7 @@ use tempfile::TempDir;
 #[test]
 fn the_protocol_is_one_object_with_what_there_is() {
     let dir = TempDir::new().unwrap();
-    succeeds(
-        &dir,
-        &[
-            "forearm",
-            "simulate",
-            "--out",
-            "session.npz",
-            "--repetitions",
-            "3",
-        ],
-    );
+    succeeds(&dir, &words("forearm simulate --out session.npz --repetitions 3"));
     let (out, _) = succeeds(
         &dir,
         &["forearm", "eval", "session.npz", "--repetitions", "1", "--json"],

@@ -87,6 +87,11 @@ pub(crate) fn fails(dir: &TempDir, args: &[&str], code: i32) -> String {
     err
 }
 
+/// Arguments without blanks, as they are typed.
+pub(crate) fn words(line: &str) -> Vec<&str> {
+    line.split(' ').collect()
+}
+
 pub(crate) fn texts(output: &Output) -> (String, String) {
     (
         String::from_utf8_lossy(&output.stdout).into(),
@@ -298,18 +303,7 @@ fn what_is_asked_for_in_vain_is_refused_with_what_to_do_and_leaves_no_file() {
 #[test]
 fn the_demo_without_a_terminal_prints_a_summary() {
     let dir = TempDir::new().unwrap();
-    let (out, _) = succeeds(
-        &dir,
-        &[
-            "demo",
-            "--scene",
-            "worst-case",
-            "--seconds",
-            "4",
-            "--actuators",
-            "9",
-        ],
-    );
+    let (out, _) = succeeds(&dir, &words("demo --scene worst-case --seconds 4 --actuators 9"));
     for part in [
         "worst-case: allegro-uskin-15, 240 taxels",
         "9 actuators",

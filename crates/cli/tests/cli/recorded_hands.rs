@@ -1,6 +1,6 @@
 //! Whose hand a recording is read as: that which is named, or that in the file, and never another.
 
-use crate::{fails, succeeds};
+use crate::{fails, succeeds, words};
 use std::fs::File;
 use taxel_can::{CanFrame, Received};
 use taxel_hand::{ForceFrame, Freshness, Profile, TactileFrame, TactileImage};
@@ -285,14 +285,7 @@ fn a_log_of_other_boards_than_the_layout_has_is_refused_with_their_ids() {
     succeeds(&dir, &["sim", "tap", "--to", "log:tap.log", "--seconds", "1"]);
     let err = fails(
         &dir,
-        &[
-            "compress",
-            "tap.log",
-            "--layout",
-            "icub-forearm",
-            "--out",
-            "o.npz",
-        ],
+        &words("compress tap.log --layout icub-forearm --out o.npz"),
         1,
     );
     for part in [

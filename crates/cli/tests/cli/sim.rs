@@ -1,6 +1,6 @@
 //! `taxel sim`: scenes onto buses and into logs.
 
-use crate::{fails, succeeds};
+use crate::{fails, succeeds, words};
 use tempfile::TempDir;
 
 #[test]
@@ -55,16 +55,7 @@ fn a_patch_of_skin_has_no_servos_to_offer() {
     let dir = TempDir::new().unwrap();
     let err = fails(
         &dir,
-        &[
-            "sim",
-            "idle",
-            "--layout",
-            "uskin-module",
-            "--to",
-            "udp::43995?hops=0",
-            "--servos",
-            "servos",
-        ],
+        &words("sim idle --layout uskin-module --to udp::43995?hops=0 --servos servos"),
         1,
     );
     assert!(err.contains("layout uskin-module has no fingers"), "{err}");

@@ -1,6 +1,6 @@
 //! `taxel view` without a terminal, and `taxel layouts`.
 
-use crate::{fails, simulated, succeeds};
+use crate::{fails, simulated, succeeds, words};
 use ndarray::{Array1, Array3};
 use serde_json::{Value, json};
 use taxel_skin::Layout;
@@ -152,16 +152,7 @@ fn a_recording_has_the_arrows_and_joints_that_a_live_hand_has() {
     let dir = TempDir::new().unwrap();
     succeeds(
         &dir,
-        &[
-            "view",
-            "sim:slip",
-            "--svg",
-            "slip.svg",
-            "--size",
-            "100x30",
-            "--seconds",
-            "4",
-        ],
+        &words("view sim:slip --svg slip.svg --size 100x30 --seconds 4"),
     );
     let svg = std::fs::read_to_string(dir.path().join("slip.svg")).unwrap();
     assert!(svg.contains('→'), "the skin is pulled aside: {svg}");

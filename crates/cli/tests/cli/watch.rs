@@ -1,6 +1,6 @@
 //! `taxel watch`: what a daemon publishes, line by line.
 
-use crate::{HANGS_AFTER, command, fails, simulated, succeeds, texts};
+use crate::{HANGS_AFTER, command, fails, simulated, succeeds, texts, words};
 use nix::sys::socket::{AddressFamily, Backlog, SockFlag, SockType, UnixAddr, bind, listen, socket};
 use serde_json::Value;
 use std::io::{BufRead, BufReader, ErrorKind, Write};
@@ -101,18 +101,7 @@ fn watch_prints_words_and_raw_frames_on_request() {
     assert_eq!(out.lines().count(), 2);
     assert!(out.contains("contacts") && out.contains("ms"), "{out}");
     assert!(err.contains("allegro-uskin-15, 240 taxels, 16x16"), "{err}");
-    let (out, _) = succeeds(
-        &dir,
-        &[
-            "watch",
-            "--socket",
-            "images.sock",
-            "--raw",
-            "--json",
-            "--count",
-            "1",
-        ],
-    );
+    let (out, _) = succeeds(&dir, &words("watch --socket images.sock --raw --json --count 1"));
     let raw: Value = serde_json::from_str(&out).unwrap();
     assert_eq!(raw["taxels"].as_array().unwrap().len(), 240);
     assert_eq!(raw["taxels"][0]["counts"].as_array().unwrap().len(), 3);
@@ -169,18 +158,7 @@ fn a_parent_that_never_reads_stderr_is_printed_images_to_the_end_and_told_by_the
 fn rates_are_a_line_a_second() {
     let dir = TempDir::new().unwrap();
     let _daemon = simulated(dir.path(), "idle");
-    let (out, _) = succeeds(
-        &dir,
-        &[
-            "watch",
-            "--socket",
-            "images.sock",
-            "--hz",
-            "--json",
-            "--count",
-            "2",
-        ],
-    );
+    let (out, _) = succeeds(&dir, &words("watch --socket images.sock --hz --json --count 2"));
     for line in out.lines() {
         let line: Value = serde_json::from_str(line).unwrap();
         assert!(line["hz"].as_f64().unwrap() > 0.0, "{line}");
