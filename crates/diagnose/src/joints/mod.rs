@@ -23,6 +23,7 @@ use crate::joints_view::{JointsView, SourceView};
 use crate::kind::Kind;
 use crate::problem::{Place, Problem};
 use crate::view::Look;
+use servos::Servos;
 use taxel_joints::bus::ServoCounters;
 use taxel_joints::{AnalogueCounters, JointsConfig};
 
@@ -70,7 +71,15 @@ impl Judge<'_> {
                 config,
                 snapshot,
                 port,
-            }) => self.servos(config, snapshot, port, &unknown, patience, found),
+            }) => {
+                let servos = Servos {
+                    config,
+                    snapshot,
+                    port,
+                    unknown: &unknown,
+                };
+                self.servos(servos, patience, found);
+            }
             Some(SourceView::Hand(hand)) => {
                 used.add(&self.view.tick.angles);
                 self.hand(hand, patience, found);

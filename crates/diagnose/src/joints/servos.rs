@@ -26,6 +26,16 @@ const OF_ANSWERS_THAT_COME: [Kind; 4] = [
     Kind::ServoRefuses,
 ];
 
+/// The servos that angles come from, as they are configured and as they were seen.
+#[derive(Clone, Copy)]
+pub(super) struct Servos<'a> {
+    pub(super) config: &'a DynamixelConfig,
+    pub(super) snapshot: &'a ServoSnapshot,
+    pub(super) port: &'a PortStatus,
+    /// Whose angle is unknown.
+    pub(super) unknown: &'a [bool],
+}
+
 /// How quiet a servo is.
 struct Quiet {
     silent: bool,
@@ -56,27 +66,25 @@ impl Answers {
 }
 
 impl Judge<'_> {
-    pub(super) fn servos(
-        &self,
-        config: &DynamixelConfig,
-        snapshot: &ServoSnapshot,
-        port: &PortStatus,
-        unknown: &[bool],
-        patience: &mut Patience,
-        found: &mut Vec<Problem>,
-    ) {
+    pub(super) fn servos(&self, servos: Servos<'_>, patience: &mut Patience, found: &mut Vec<Problem>) {
+        let Servos {
+            config,
+            snapshot,
+            port,
+            ..
+        } = servos;
         // That nobody can ask them any more puts none of it right.
         for (joint, servo) in snapshot.servos.iter().enumerate() {
             self.known_of(joint, &name_of(config, joint), servo, found);
         }
-        if let ControlFlow::Break(problem) = self.port_alone(config, snapshot, port, patience) {
+        if let ControlFlow::Break(problem) = self.port_alone(servos, patience) {
             found.extend(problem);
             return;
         }
         found.extend(adapter_of(port));
         let shared = of_port::shared(port, self.view.now_ns);
         let first = found.len();
-        self.of_answers(config, snapshot, port, unknown, patience, found);
+        self.of_answers(servos, patience, found);
         if let Some(shared) = shared {
             // It explains whatever is missing or in pieces.
             patience.all_explained();
@@ -87,13 +95,8 @@ impl Judge<'_> {
     }
 
     /// Breaks where the port is in a state in which nothing is to be said of the servos' answers, with what is wrong with it.
-    fn port_alone(
-        &self,
-        config: &DynamixelConfig,
-        snapshot: &ServoSnapshot,
-        port: &PortStatus,
-        patience: &mut Patience,
-    ) -> ControlFlow<Option<Problem>> {
+    fn port_alone(&self, servos: Servos<'_>, patience: &mut Patience) -> ControlFlow<Option<Problem>> {
+        let (snapshot, port) = (servos.snapshot, servos.port);
         let now_ns = self.view.now_ns;
         if port.abandoned {
             patience.all_explained();
@@ -108,7 +111,7 @@ impl Judge<'_> {
             PortState::Open => patience.begin(port.opened, snapshot.servos.len(), now_ns),
         }
         let without_cycle_ns = patience.without_cycle_ns(snapshot.counters.cycles, now_ns);
-        if let Some(stuck) = of_port::stuck(config, port, without_cycle_ns) {
+        if let Some(stuck) = of_port::stuck(servos.config, port, without_cycle_ns) {
             patience.all_explained();
             return ControlFlow::Break(Some(stuck));
         }
@@ -116,15 +119,13 @@ impl Judge<'_> {
     }
 
     /// What is wrong with the servos' answers where they are asked: of all, of most, and of each.
-    fn of_answers(
-        &self,
-        config: &DynamixelConfig,
-        snapshot: &ServoSnapshot,
-        port: &PortStatus,
-        unknown: &[bool],
-        patience: &mut Patience,
-        found: &mut Vec<Problem>,
-    ) {
+    fn of_answers(&self, servos: Servos<'_>, patience: &mut Patience, found: &mut Vec<Problem>) {
+        let Servos {
+            config,
+            snapshot,
+            port,
+            unknown,
+        } = servos;
         let now_ns = self.view.now_ns;
         let late_fast = snapshot.counters.late_fast.saturating_sub(self.before.late_fast);
         let silent: Vec<bool> = (snapshot.servos.iter().enumerate())
