@@ -3,8 +3,8 @@
 use crate::errors::wrong_use;
 use crate::recordings::frame_output::{FrameFormat, FrameOutput};
 use crate::recordings::input::{DEFAULT_LAYOUT, Input};
-use crate::recordings::marks_file;
 use crate::recordings::offline::OfflineArgs;
+use crate::recordings::{marks_file, tell_joints};
 use anyhow::{Context, bail};
 use serde_json::json;
 use std::io::Write;
@@ -238,16 +238,6 @@ fn traffic(args: &Args, input: &Input, output: &mut TrafficOutput, check: &Check
         );
     }
     Ok(())
-}
-
-fn tell_joints(recording: &Recording) {
-    let joints = recording.joints(0).len();
-    if joints > 0 {
-        remark!(
-            "taxel: {}: its {joints} joint angles are left out; boards send counts",
-            recording.name()
-        );
-    }
 }
 
 /// What takes tactile frames.

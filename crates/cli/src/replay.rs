@@ -3,6 +3,7 @@
 use crate::errors::wrong_use;
 use crate::piped_file::text_parser;
 use crate::recordings::input::{DEFAULT_LAYOUT, Input, InputArgs, TIMES_S, number, pair};
+use crate::recordings::tell_joints;
 use anyhow::{anyhow, bail};
 use std::ops::Range;
 use std::path::{Path, PathBuf};
@@ -109,13 +110,7 @@ fn play(args: &Args) -> anyhow::Result<Played> {
             shell_word(scene.name())
         ),
         Input::Frames(recording) => {
-            let joints = recording.joints(0).len();
-            if joints > 0 {
-                remark!(
-                    "taxel: {}: its {joints} joint angles are left out; boards send counts",
-                    recording.name()
-                );
-            }
+            tell_joints(&recording);
             play_frames(args, window, &recording)
         }
     }

@@ -12,3 +12,16 @@ pub(crate) mod movement;
 pub(crate) mod offline;
 pub(crate) mod out_of_use;
 pub(crate) mod own_clock;
+
+use taxel_record::Recording;
+
+/// Says that the joint angles of a recording do not become CAN traffic.
+pub(crate) fn tell_joints(recording: &Recording) {
+    let joints = recording.joints(0).len();
+    if joints > 0 {
+        remark!(
+            "taxel: {}: its {joints} joint angles are left out; boards send counts",
+            recording.name()
+        );
+    }
+}
