@@ -15,6 +15,7 @@ mod motion;
 mod pty;
 mod scene_servos;
 mod table;
+mod terminal;
 
 pub use bus::{AfterSilence, ServoBus, ServoTraffic};
 pub use device::{ServoBuild, SimServo};

@@ -1,21 +1,18 @@
 //! A servo bus in real time behind a pseudo terminal.
 
 use super::bus::ServoBus;
+use super::terminal::{self, Behind};
 use nix::errno::Errno;
-use nix::fcntl::{FcntlArg, OFlag, fcntl};
 use nix::poll::{PollFd, PollFlags, ppoll};
-use nix::pty::{OpenptyResult, openpty};
 use nix::sys::prctl;
-use nix::sys::termios::{SetArg, cfmakeraw, tcgetattr, tcsetattr};
 use nix::sys::time::TimeSpec;
 use nix::time::{ClockId, clock_gettime};
-use nix::unistd::{read, ttyname, write};
+use nix::unistd::{read, write};
 use std::io;
 use std::os::fd::{AsFd, OwnedFd};
 use std::path::{Path, PathBuf};
 use std::sync::atomic::{AtomicBool, Ordering};
 use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
-use std::thread::JoinHandle;
 use std::time::Duration;
 
 /// How often the thread looks whether it shall end, or whether a client has come.
@@ -36,31 +33,23 @@ pub fn servo_clock_ns() -> u64 {
 pub struct ServoPty {
     path: PathBuf,
     bus: Arc<Mutex<ServoBus>>,
-    stop: Arc<AtomicBool>,
-    thread: Option<JoinHandle<()>>,
+    _behind: Behind,
 }
 
 impl ServoPty {
     /// Opens a pseudo terminal in raw mode and runs the bus behind it.
     pub fn open(bus: ServoBus) -> io::Result<Self> {
-        let OpenptyResult { master, slave } = openpty(None, None)?;
-        let mut raw = tcgetattr(&slave)?;
-        cfmakeraw(&mut raw);
-        tcsetattr(&slave, SetArg::TCSANOW, &raw)?;
-        let path = ttyname(&slave)?;
+        let (master, slave, path) = terminal::open()?;
         drop(slave);
-        fcntl(&master, FcntlArg::F_SETFL(OFlag::O_NONBLOCK))?;
         let bus = Arc::new(Mutex::new(bus));
-        let stop = Arc::new(AtomicBool::new(false));
-        let thread = std::thread::Builder::new().name("servo bus".into()).spawn({
-            let (bus, stop) = (bus.clone(), stop.clone());
-            move || run(&master, &bus, &stop)
+        let behind = Behind::start("servo bus", {
+            let bus = bus.clone();
+            move |stop| run(&master, &bus, stop)
         })?;
         Ok(Self {
             path,
             bus,
-            stop,
-            thread: Some(thread),
+            _behind: behind,
         })
     }
 
@@ -72,15 +61,6 @@ impl ServoPty {
     /// The servos, to break, mend or look at.
     pub fn bus(&self) -> MutexGuard<'_, ServoBus> {
         lock(&self.bus)
-    }
-}
-
-impl Drop for ServoPty {
-    fn drop(&mut self) {
-        self.stop.store(true, Ordering::Relaxed);
-        if let Some(thread) = self.thread.take() {
-            let _ = thread.join();
-        }
     }
 }
 
