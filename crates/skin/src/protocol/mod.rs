@@ -1,13 +1,4 @@
-//! How boards speak on the bus: a folder per kind, and the list of them.
-//!
-//! | protocol | frames | taxel numbers `k` | start sequence |
-//! |---|---|---|---|
-//! | `uskin-l1`, `uskin-l2` | one per taxel, three axes | `sda << 2 \| chip`; chips 4 and 5 in `uskin-l2`: 16 to 23 | `SET_TXMODE` |
-//! | `uskin-l3` | one per taxel, three axes | `sda << 4 \| taxel` | none: sends from power-up on |
-//! | `icub-mtb3`, `icub-mtb4` | two per triangle, one axis of 8 bits | `triangle * 12 + pad` | configuration, then `SET_TXMODE` |
-//! | `cyskin` | packets of one or more frames, one axis of 16 bits | sensor on the module, 1 to 11 | as Genoa's library does, or as configured |
-//! | `cpm-finger` | four per sweep, one axis of 16 bits | channel | none known |
-//! | `pressure-array` | a message of a program, cut into frames of four taxels by the source | row by row | none |
+//! How boards speak on the bus (docs/protocols.md): a folder per kind, and the list of them.
 //!
 //! A new protocol is a folder with an implementation of `BoardProtocol`, a constant and a line in
 //! the list. Nothing else in this crate asks which protocol it has before it.
