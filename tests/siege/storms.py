@@ -27,7 +27,9 @@ import sys
 import tempfile
 import threading
 import time
+from contextlib import contextmanager
 from pathlib import Path
+from typing import NamedTuple
 
 ROOT = Path(__file__).resolve().parents[2]
 sys.path[:0] = [str(ROOT / "tests"), str(ROOT / "crates/wire/python")]
@@ -323,83 +325,127 @@ def quantiles(before, after):
     return [at(0.5), at(0.99), at(0.999), at(1.0)]
 
 
-def run(hand, folder, storm, machine, fifo, seconds, scale, readers_fifo):
-    """One row of the table, and which promises are broken."""
+class Readers:
+    """A process with readers that read all they are sent."""
+
+    def __init__(self, daemon, count, fifo):
+        self.process = subprocess.Popen(
+            [sys.executable, __file__, "--read", str(daemon.images), str(count)],
+            stdin=subprocess.PIPE,
+            stdout=subprocess.PIPE,
+            text=True,
+            preexec_fn=read_first if fifo else die_with_parent,
+        )
+        assert self.process.stdout.readline() == "connected\n", "the readers did not connect"
+
+    def tell(self, word):
+        self.process.stdin.write(word + "\n")
+        self.process.stdin.flush()
+
+    def seen(self):
+        """What they saw since they were told to count."""
+        self.tell("tell")
+        return json.loads(self.process.stdout.readline())
+
+    def __enter__(self):
+        return self
+
+    def __exit__(self, *_):
+        self.process.kill()
+        self.process.wait()
+
+
+@contextmanager
+def beside(loops):
+    """So many busy loops on the machine."""
+    loop = [sys.executable, "-c", "while True: pass"]
+    loops = [subprocess.Popen(loop, preexec_fn=die_with_parent) for _ in range(loops)]
+    try:
+        yield
+    finally:
+        for loop in loops:
+            loop.kill()
+            loop.wait()
+
+
+class Seen(NamedTuple):
+    """What a daemon and its readers went through in a storm."""
+
+    ages: list  # of images when they were sent, ms: p50, p99, p99.9, max
+    readers: dict  # what the readers say
+    offs: list  # how long torque off took, ms
+    in_vain: list
+    costs: tuple  # resident KiB and descriptors, a third into the storm and at its end
+    stolen: float  # share of the processors' time, %
+
+
+def weather(daemon, storm, readers, there, seconds):
+    """Measures in the middle of a storm, as soon as so many are there."""
+    with storm:
+        eventually(lambda: sent(daemon)["subscribers"] >= there, "they do not get in", 60)
+        time.sleep(1.0)
+        before = sent(daemon)
+        readers.tell("count")
+        offs, in_vain, costs_before, begun = [], [], None, time.monotonic()
+        all_before, taken_before = processor_time()
+        while time.monotonic() < begun + seconds:
+            if costs_before is None and time.monotonic() > begun + seconds / 3:
+                costs_before = costs(daemon)
+            offs.append(torque_off_ms(daemon, in_vain))
+            time.sleep(0.25)
+        all_after, taken_after = processor_time()
+        stolen = 100 * (taken_after - taken_before) / max(1, all_after - all_before)
+        of_daemon = (costs_before or costs(daemon), costs(daemon))
+        seen = readers.seen()
+        ages = quantiles(before["ages"], sent(daemon)["ages"])
+        return Seen(ages, seen, offs, in_vain, of_daemon, stolen)
+
+
+def broken_promises(case, seen):
+    """Of what depends on time."""
+    _, machine, fifo = case
+    promise = PROMISES.get(case, {})
+    (begins_kib, _), (ends_kib, _) = seen.costs
+    skipped = seen.readers["skipped"]
+    share, p999 = skipped / max(1, seen.readers["images"] + skipped), seen.ages[2]
+    if p999 > promise.get("p99.9", float("inf")):
+        yield f"age at send p99.9 is {p999:.2f} ms"
+    if share > promise.get("skipped", 1.0):
+        yield f"{100 * share:.2f} % skipped"
+    if fifo and machine == "quiet" and max(seen.offs) > LONGEST_TORQUE_OFF_MS:
+        yield f"torque off took {max(seen.offs):.0f} ms {seen.in_vain}"
+    if ends_kib > begins_kib + SLACK_KIB:
+        yield f"memory grew by {ends_kib - begins_kib} KiB"
+
+
+def run(hand, folder, case, seconds, scale, readers_fifo):
+    """One row of the table, and which promises are broken. A case is a storm, the machine, and whether there is FIFO priority."""
+    storm, machine, fifo = case
     few = lambda n: max(1, n // scale) if n else 0  # noqa: E731
     clients = {kind: few(n) for kind, n in STORMS[storm].items()}
     readers = few(READERS)
     tables = {"socket": {"max_subscribers": 4096}, "realtime": {"priority": 10 if fifo else 0}}
-    daemon = hand.daemon(folder, tables, allow_writes=True)
-    loops = []
-    with daemon:
+    with hand.daemon(folder, tables, allow_writes=True) as daemon:
         eventually(lambda: daemon.status()["joints"].get("readings"), "no servo")
         fds = costs(daemon)[1]
-        reading = subprocess.Popen(
-            [sys.executable, __file__, "--read", str(daemon.images), str(readers)],
-            stdin=subprocess.PIPE,
-            stdout=subprocess.PIPE,
-            text=True,
-            preexec_fn=read_first if readers_fifo else die_with_parent,
-        )
-        assert reading.stdout.readline() == "connected\n", "the readers did not connect"
-        if machine == "busy":
-            loop = [sys.executable, "-c", "while True: pass"]
-            loops = [subprocess.Popen(loop, preexec_fn=die_with_parent) for _ in range(BUSY_LOOPS)]
-        try:
-            with Storm(daemon, **clients):
-                there = 0.95 * (readers + clients.get("sleepers", 0) + clients.get("subscribers", 0))
-                eventually(lambda: sent(daemon)["subscribers"] >= there, "they do not get in", 60)
-                time.sleep(1.0)
-                before = sent(daemon)
-                reading.stdin.write("count\n")
-                reading.stdin.flush()
-                offs, in_vain, costs_before, begun = [], [], None, time.monotonic()
-                all_before, taken_before = processor_time()
-                while time.monotonic() < begun + seconds:
-                    if costs_before is None and time.monotonic() > begun + seconds / 3:
-                        costs_before = costs(daemon)
-                    offs.append(torque_off_ms(daemon, in_vain))
-                    time.sleep(0.25)
-                all_after, taken_after = processor_time()
-                costs_before, costs_after = costs_before or costs(daemon), costs(daemon)
-                reading.stdin.write("tell\n")
-                reading.stdin.flush()
-                seen = json.loads(reading.stdout.readline())
-                after = sent(daemon)
-        finally:
-            for loop in loops:
-                loop.kill()
-                loop.wait()
-            reading.kill()
-            reading.wait()
+        with Readers(daemon, readers, readers_fifo) as reading, beside(BUSY_LOOPS if machine == "busy" else 0):
+            there = 0.95 * (readers + clients.get("sleepers", 0) + clients.get("subscribers", 0))
+            seen = weather(daemon, Storm(daemon, **clients), reading, there, seconds)
         eventually(lambda: sent(daemon)["subscribers"] == 1, "subscribers are left", 30)
         fds_left = left_over(daemon, fds)
-    ages = quantiles(before["ages"], after["ages"])
-    p50, p99, p999, oldest = ages
-    row = [storm, machine, "yes" if fifo else "no", *(f"{age:.2f}" for age in ages), seen["images"], seen["skipped"]]
-    row += [f"{seen['gap_ms']:.0f}", f"{max(offs):.0f}", f"{costs_before[0] / 1024:.1f} -> {costs_after[0] / 1024:.1f}"]
-    row += [f"{costs_before[1]} -> {costs_after[1]} -> {fds_left}"]
-    row += [f"{100 * (taken_after - taken_before) / max(1, all_after - all_before):.1f} %"]
-    broken = []
-    if seen["lost"]:
-        broken.append(f"{seen['lost']} readers that read were let go")
+    (begins_kib, begins_fds), (ends_kib, ends_fds) = seen.costs
+    row = [storm, machine, "yes" if fifo else "no", *(f"{age:.2f}" for age in seen.ages)]
+    row += [seen.readers["images"], seen.readers["skipped"], f"{seen.readers['gap_ms']:.0f}", f"{max(seen.offs):.0f}"]
+    row += [f"{begins_kib / 1024:.1f} -> {ends_kib / 1024:.1f}", f"{begins_fds} -> {ends_fds} -> {fds_left}", f"{seen.stolen:.1f} %"]
+    broken = list(broken_promises(case, seen)) if scale == 1 else []
+    if lost := seen.readers["lost"]:
+        broken.append(f"{lost} readers that read were let go")
     if fds_left > fds + SLACK_FDS:
         broken.append(f"{fds_left} descriptors are left of {fds}")
     if "panicked" in daemon.log:
         broken.append("it panicked")
-    if len(daemon.log.splitlines()) > 2000:
-        broken.append(f"{len(daemon.log.splitlines())} lines of log")
-    if scale == 1:
-        promise = PROMISES.get((storm, machine, fifo), {})
-        share = seen["skipped"] / max(1, seen["images"] + seen["skipped"])
-        if p999 > promise.get("p99.9", float("inf")):
-            broken.append(f"age at send p99.9 is {p999:.2f} ms")
-        if share > promise.get("skipped", 1.0):
-            broken.append(f"{100 * share:.2f} % skipped")
-        if fifo and machine == "quiet" and max(offs) > LONGEST_TORQUE_OFF_MS:
-            broken.append(f"torque off took {max(offs):.0f} ms {in_vain}")
-        if costs_after[0] > costs_before[0] + SLACK_KIB:
-            broken.append(f"memory grew by {costs_after[0] - costs_before[0]} KiB")
+    if (lines := len(daemon.log.splitlines())) > 2000:
+        broken.append(f"{lines} lines of log")
     daemon.log_path.unlink(missing_ok=True)
     return row, broken
 
@@ -427,7 +473,7 @@ def main():
         for machine in machines:
             for fifo in (True, False):
                 for storm in storms:
-                    row, faults = run(hand, folder, storm, machine, fifo, seconds, scale, options.readers_fifo)
+                    row, faults = run(hand, folder, (storm, machine, fifo), seconds, scale, options.readers_fifo)
                     print("| " + " | ".join(map(str, row)) + " |", flush=True)
                     broken += [f"{storm}, {machine}, FIFO {'yes' if fifo else 'no'}: {fault}" for fault in faults]
     for fault in broken:
