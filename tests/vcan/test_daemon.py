@@ -1,7 +1,9 @@
 """The real daemon on real SocketCAN: traffic, links that come and go, full queues."""
 
+import os
 import subprocess
 import threading
+import time
 from itertools import islice
 
 import can
@@ -74,6 +76,25 @@ def test_noise_from_cangen_is_accounted_for_and_does_not_disturb(start, lockstep
     driver = lockstep(daemon)
     driver.rezero()
     check_grasp(driver, hand, frames=8)
+
+
+@pytest.mark.skipif(os.environ.get("TAXEL_GUEST") != "1", reason="sets the wall clock: a guest's, and not this machine's")
+def test_a_wall_clock_that_is_set_moves_no_frame(start, lockstep, hand):
+    """The kernel stamps frames with the wall clock, which here goes an hour ahead and two back between sweeps."""
+    driver = lockstep(start(conditioning=DAEMON_SETTINGS))
+    reference = Reference(hand, Profile())
+    ahead_ns = time.clock_gettime_ns(time.CLOCK_REALTIME) - time.monotonic_ns()
+    before_ns = time.monotonic_ns()
+    try:
+        for i, counts in enumerate(islice(grasp(Touches.even(hand)), 12)):
+            hours = (0, 1, -1)[i % 3]
+            time.clock_settime_ns(time.CLOCK_REALTIME, time.monotonic_ns() + ahead_ns + hours * 3600 * 10**9)
+            image = driver.step(counts)
+            assert_same(image, reference.image(counts), f"frame {i}")
+            assert before_ns < image.t_ns <= time.monotonic_ns(), f"frame {i} is of another time"
+            before_ns = image.t_ns
+    finally:
+        time.clock_settime_ns(time.CLOCK_REALTIME, time.monotonic_ns() + ahead_ns)
 
 
 def test_a_link_that_goes_down_and_up_again(start, lockstep, buses, hand):
