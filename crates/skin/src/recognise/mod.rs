@@ -134,8 +134,11 @@ impl Recogniser {
                 cyskin.is_some_and(|guess| guess.ids == HubIds::Extended)
                     && bus.boards.iter().any(|b| b.hub == Some(*hub))
             };
-            let strangers: Vec<u32> = traffic.hubs.keys().filter(|hub| !claimed(hub)).copied().collect();
-            bus.others.extend(strangers.iter().map(|hub| hub | EXTENDED_FLAG));
+            let strangers = traffic.hubs.iter().filter(|(address, _)| !claimed(address));
+            let ids = strangers.flat_map(|(address, hub)| hub.ids(HubIds::Extended, *address));
+            let mut ids: Vec<u32> = ids.map(|id| id | EXTENDED_FLAG).collect();
+            ids.sort_unstable();
+            bus.others.extend(ids);
             if traffic.more_extended {
                 bus.doubts.push(format!(
                     "more than {MOST_HUBS} extended addresses were heard; the rest was not looked at"

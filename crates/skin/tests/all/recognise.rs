@@ -3,7 +3,7 @@
 
 use proptest::prelude::*;
 use std::collections::BTreeSet;
-use taxel_can::{CanFrame, Received};
+use taxel_can::{CanFrame, EXTENDED_FLAG, Received};
 use taxel_skin::{
     Decoded, Decoder, Layout, Protocol, Readings, Recogniser, Recognition, cyskin_frames, icub_triangle_data,
 };
@@ -241,6 +241,60 @@ fn the_parameters_of_long_cyskin_packets_are_found() {
         let text = found.layout_file("c", &["can0"]).unwrap();
         Layout::parse(&text, "c.toml").unwrap_or_else(|e| panic!("{e}\n{text}"));
     }
+}
+
+#[test]
+fn cyskin_modules_that_are_not_there_make_no_smaller_modules() {
+    let parameters = "ids = \"standard\"\nbyte_order = \"big\"\nchecksum = \"crc8-ff\"\nsequence_bytes_above = 255\nsensors_per_module = 12\n";
+    let layout = crate::support::cyskin(parameters, 4);
+    let setup = layout.cyskin.as_ref().unwrap();
+    for (modules, is_sure) in [
+        (&[0, 1, 2][..], true),
+        (&[0, 2], false),
+        (&[0, 3], false),
+        (&[0, 4], false),
+        (&[1, 3, 5], false),
+    ] {
+        let mut recogniser = Recogniser::new(1);
+        for round in 0..20u64 {
+            for module in modules {
+                let values = (0..12u16).flat_map(|n| (9_000 + 300 * n + (round % 3) as u16).to_be_bytes());
+                let data: Vec<u8> = [*module, 0].into_iter().chain(values).collect();
+                for frame in cyskin_frames(setup, 0x23, 0x43, &data).unwrap() {
+                    let t_ns = round * 50_000_000;
+                    recogniser.handle_frame(0, &Received { t_ns, frame });
+                }
+            }
+        }
+        let found = recogniser.finish();
+        assert_eq!(found.cyskin.expect("packets of values").sensors_per_module, 12);
+        let boards = &found.buses[0].boards;
+        assert_eq!(
+            boards.iter().map(|board| board.board).collect::<Vec<_>>(),
+            modules
+        );
+        assert!(boards.iter().all(|board| board.taxels.len() == 11));
+        let text = found.layout_file("c", &["can0"]).unwrap();
+        assert_eq!(
+            !text.contains("sensors_per_module = 12 is a guess"),
+            is_sure,
+            "{modules:?}: {text}"
+        );
+    }
+}
+
+#[test]
+fn extended_ids_of_nobody_are_named_as_they_are_on_the_bus() {
+    let ids = [0x0CFE_F100, 0x18FE_F100, 0x1BFF_1234, 0x1CFE_F100];
+    let mut recogniser = Recogniser::new(1);
+    for t_ns in 0..5 {
+        for id in ids {
+            let frame = CanFrame::extended(id, &[0; 8]).unwrap();
+            recogniser.handle_frame(0, &Received { t_ns, frame });
+        }
+    }
+    let others = &recogniser.finish().buses[0].others;
+    assert!(others.iter().eq(&ids.map(|id| id | EXTENDED_FLAG)), "{others:x?}");
 }
 
 /// So many frames of these taxels of a board; `last` replaces byte 7.

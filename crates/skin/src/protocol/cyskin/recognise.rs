@@ -41,6 +41,8 @@ pub struct CyskinGuess {
 /// The packets of one hub, as frames.
 #[derive(Debug, Default, Clone)]
 pub(crate) struct HubTraffic {
+    /// The places of a packet that were heard, a bit each.
+    places: u8,
     packets: Vec<Vec<Vec<u8>>>,
     open: Option<Vec<Vec<u8>>>,
     kept: usize,
@@ -69,7 +71,15 @@ impl HubTraffic {
         begins_with_values(place, frame.data())
     }
 
+    /// The ids of its frames, where its address is this one.
+    pub(crate) fn ids(&self, ids: HubIds, address: u32) -> impl Iterator<Item = u32> + use<> {
+        let places = self.places;
+        let heard = (0..u8::BITS).filter(move |place| places >> place & 1 != 0);
+        heard.map(move |place| ids.id(place, address))
+    }
+
     pub(crate) fn handle_frame(&mut self, t_ns: u64, place: u32, frame: &CanFrame) {
+        self.places |= 1 << place;
         if self.kept >= MOST_FRAMES {
             return;
         }
@@ -246,13 +256,18 @@ fn sequence_bytes_above(packets: &[&Ways], checksum: Checksum) -> (u8, Option<St
 }
 
 /// The number of values per module with which the packets of a sweep follow one another without gap
-/// or overlap.
+/// or overlap. None where it is not [`SENSORS`] and each packet may as well be a whole module of so many, between which others
+/// are not there.
 fn sensors_per_module(hubs: &[&HubTraffic], guess: &CyskinGuess) -> Option<u8> {
     let mut votes = [0usize; SENSORS as usize + 1];
     let mut pairs = 0;
     let mut largest = 0;
+    let mut are_whole_modules = true;
     for hub in hubs {
         let packets: Vec<_> = hub.values(guess).collect();
+        are_whole_modules &= packets
+            .iter()
+            .all(|(_, sensor, values)| *sensor == 0 && values.len() == 2 * usize::from(SENSORS));
         largest = packets
             .iter()
             .map(|(_, sensor, _)| *sensor)
@@ -277,7 +292,9 @@ fn sensors_per_module(hubs: &[&HubTraffic], guess: &CyskinGuess) -> Option<u8> {
     }
     let best = (1..votes.len()).max_by_key(|sensors| votes[*sensors])?;
     let alone = votes.iter().filter(|n| **n == votes[best]).count() == 1;
-    (pairs > 1 && alone && votes[best] * 2 > pairs && best > usize::from(largest)).then_some(best as u8)
+    let fits = pairs > 1 && alone && votes[best] * 2 > pairs && best > usize::from(largest);
+    let other = are_whole_modules && best != usize::from(SENSORS);
+    (fits && !other).then_some(best as u8)
 }
 
 /// The order under which values change least from one sweep to the next.
