@@ -117,7 +117,7 @@ pub(crate) fn run(args: &Args) -> anyhow::Result<()> {
         .map(PathBuf::as_path)
         .collect();
     refuse_overlap(&outputs, &args.offline.inputs())?;
-    let input = args.offline.open()?;
+    let input = args.offline.open_whole()?;
     let mut config = args.offline.configure(&input)?;
     if let Some(method) = args.method {
         config.set_method(method, None);

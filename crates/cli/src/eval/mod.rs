@@ -265,7 +265,7 @@ fn learned(methods: &[Method], sequence: &Sequence) -> Vec<Method> {
 /// The frames of a recording as the daemon conditions them.
 fn recorded(args: &Args) -> anyhow::Result<(Frames, Config)> {
     let offline = &args.offline;
-    let input = offline.open()?;
+    let input = offline.open_whole()?;
     let mut config = offline.configure(&input)?;
     args.condition(&mut config);
     let mut sequence = gathered(&config, |emit| offline.run(&input, &config, emit))?;

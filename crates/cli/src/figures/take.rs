@@ -46,7 +46,7 @@ pub(super) struct Instant {
 impl Take {
     /// With the conditioning that belongs to the method, where one is given and the user states no other.
     pub(super) fn of(offline: &OfflineArgs, name: &str, method: Option<Method>) -> anyhow::Result<Self> {
-        let input = offline.open()?;
+        let input = offline.open_whole()?;
         let mut config = offline.configure(&input)?;
         if let Some(method) = method {
             config.set_method(method, offline.conditioning);

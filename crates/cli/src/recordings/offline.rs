@@ -17,6 +17,7 @@ use taxel_playback::calibrated::at_the_beginning;
 use taxel_playback::daemon_changes::DaemonChanges;
 use taxel_playback::log_interfaces::interfaces_of_buses;
 use taxel_playback::pipeline::{Emit, Felt, run_counts, run_magnitudes, run_traffic};
+use taxel_playback::recorded;
 use taxel_playback::scene_input;
 use taxel_playback::traffic::Traffic;
 use taxel_record::Recording;
@@ -142,6 +143,27 @@ impl OfflineArgs {
     /// Opens the recording.
     pub(crate) fn open(&self) -> anyhow::Result<Input> {
         self.input.open_of(|| self.hand(DEFAULT_LAYOUT))
+    }
+
+    /// Opens the recording for all that its hand felt. Of an .mcap of boards beside a pressure array, whose messages are on no
+    /// bus, that is in the frames of its daemon, and not in its CAN traffic.
+    pub(crate) fn open_whole(&self) -> anyhow::Result<Input> {
+        let input = self.open()?;
+        let path = match &input {
+            Input::Log(traffic) if !traffic.is_candump() => traffic.path(),
+            _ => return Ok(input),
+        };
+        let hand = self.hand(DEFAULT_LAYOUT)?;
+        let array = (0..hand.buses.len()).find(|bus| hand.array_on(*bus).is_some());
+        let Some((array, frames)) = array.zip(recorded::frames(path).ok()) else {
+            return Ok(input);
+        };
+        remark!(
+            "taxel: {}: bus {} is a pressure array, whose messages are not in its CAN traffic; its frames are read",
+            path.display(),
+            hand.buses[array]
+        );
+        Ok(Input::Frames(frames))
     }
 
     /// The hand that the recording is of ([`InputArgs::hand`]).

@@ -101,7 +101,7 @@ pub(super) fn run(
     }
     // What keeps the file from being read is said before the terminal is taken.
     let remarks = Remarks::gather();
-    recording.configure(&recording.open()?)?;
+    recording.configure(&recording.open_whole()?)?;
     let thread = {
         let (player, recording) = (player.clone(), recording.clone());
         std::thread::Builder::new()
@@ -156,7 +156,7 @@ impl Player {
     }
 
     fn play(&self, recording: &OfflineArgs) -> anyhow::Result<()> {
-        let input = recording.open()?;
+        let input = recording.open_whole()?;
         let config = recording.configure(&input)?;
         let rate = HelloRate {
             mode: "recording".into(),

@@ -3,6 +3,7 @@
 mod advice;
 mod advice_on_columns;
 mod advised_commands;
+mod arrays_beside_boards;
 mod begun_in_a_touch;
 mod categorize;
 mod categorize_clocks;
