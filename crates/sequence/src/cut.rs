@@ -28,6 +28,8 @@ pub struct ContactCuts {
     pub touches: Vec<Cut>,
     /// How many contacts were too short for a touch.
     pub short: usize,
+    /// How many rests were too short to end the touch that they are in.
+    pub rests: usize,
 }
 
 /// The frames from each mark to the next one or to the end of the stream, but for those from a mark whose text is
@@ -69,27 +71,38 @@ pub fn cut_by_marks(times_ns: &[u64], marks: &[Mark], until: &str) -> Result<Vec
 }
 
 /// The frames during which the greatest magnitude of a taxel is above `threshold`, where that lasts for `least` frames
-/// or more; it may fall below for fewer frames than that. For motions that begin and end with contact.
-///
-/// # Panics
-/// If there are no taxels.
-pub fn cut_by_contact(values: &[f64], taxels: usize, threshold: f64, least: usize) -> ContactCuts {
+/// or more; it may fall below for fewer frames than that, which take no longer than so many usually do. For motions that begin
+/// and end with contact. There are as many values as taxels for each of `times_ns`.
+pub fn cut_by_contact(values: &[f64], times_ns: &[u64], threshold: f64, least: usize) -> ContactCuts {
+    let mut steps: Vec<u64> = times_ns.windows(2).map(|t| t[1].saturating_sub(t[0])).collect();
+    steps.sort_unstable();
+    let usual_ns = steps.get(steps.len() / 2).copied().unwrap_or(0);
+    let longest_ns = usual_ns.saturating_mul(least.max(1) as u64);
+    let taxels = values.len() / times_ns.len().max(1);
     let touched = |frame: &[f64]| frame.iter().any(|x| x.abs() > threshold);
-    let mut cuts: Vec<Range<usize>> = Vec::new();
-    let frames = values.chunks_exact(taxels).enumerate();
+    let mut cuts: Vec<(Range<usize>, usize)> = Vec::new();
+    let frames = values.chunks_exact(taxels.max(1)).enumerate();
     for (n, _) in frames.filter(|(_, frame)| touched(frame)) {
+        let goes_on = |last: &Range<usize>| {
+            let since_ns = times_ns[n].saturating_sub(times_ns[last.end - 1]);
+            n == last.end || (n - last.end < least && since_ns <= longest_ns + usual_ns / 2)
+        };
         match cuts.last_mut() {
-            Some(last) if n - last.end < least.max(1) => last.end = n + 1,
-            _ => cuts.push(n..n + 1),
+            Some((last, rests)) if goes_on(last) => {
+                *rests += usize::from(n > last.end);
+                last.end = n + 1;
+            }
+            _ => cuts.push((n..n + 1, 0)),
         }
     }
     let all = cuts.len();
-    cuts.retain(|cut| cut.len() >= least);
+    cuts.retain(|(cut, _)| cut.len() >= least);
     ContactCuts {
         short: all - cuts.len(),
+        rests: cuts.iter().map(|(_, rests)| rests).sum(),
         touches: cuts
             .into_iter()
-            .map(|frames| Cut {
+            .map(|(frames, _)| Cut {
                 mark: String::new(),
                 frames,
             })
@@ -171,9 +184,22 @@ mod tests {
         let values = [
             0.0, -9.0, 9.0, 0.0, 9.0, 9.0, 0.0, 0.0, 0.0, 9.0, 0.0, 0.0, 9.0, 9.0, 9.0,
         ];
-        let cuts = cut_by_contact(&values, 1, 5.0, 2);
-        let frames: Vec<_> = cuts.touches.into_iter().map(|cut| cut.frames).collect();
-        assert_eq!((frames.as_slice(), cuts.short), (&[1..6, 12..15][..], 1));
-        assert_eq!(cut_by_contact(&values, 1, 10.0, 2), ContactCuts::default());
+        let times: Vec<u64> = (0..15).map(|n| 50 * n).collect();
+        let frames = |cuts: &ContactCuts| {
+            cuts.touches
+                .iter()
+                .map(|cut| cut.frames.clone())
+                .collect::<Vec<_>>()
+        };
+        let cuts = cut_by_contact(&values, &times, 5.0, 2);
+        assert_eq!(frames(&cuts), [1..6, 12..15]);
+        assert_eq!((cuts.short, cuts.rests), (1, 1));
+        assert_eq!(cut_by_contact(&values, &times, 10.0, 2), ContactCuts::default());
+        assert_eq!(cut_by_contact(&[], &[], 10.0, 2), ContactCuts::default());
+        // A recorder that kept nothing for a while.
+        let times: Vec<u64> = (0..15).map(|n| 50 * n + if n > 3 { 500 } else { 0 }).collect();
+        let cuts = cut_by_contact(&values, &times, 5.0, 2);
+        assert_eq!(frames(&cuts), [1..3, 4..6, 12..15]);
+        assert_eq!((cuts.short, cuts.rests), (1, 0));
     }
 }

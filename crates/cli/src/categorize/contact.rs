@@ -37,6 +37,18 @@ fn split(
             plural(least, "frame")
         ));
     }
+    if cuts.rests > 0 {
+        let [end, are] = if cuts.rests == 1 {
+            ["ends", "is"]
+        } else {
+            ["end", "are"]
+        };
+        told.push(format!(
+            "{} of fewer than {} in between {end} no touch and {are} part of it; --least N says how short a rest may be",
+            plural(cuts.rests, "rest"),
+            plural(least, "frame")
+        ));
+    }
     let mut touches = cuts.touches;
     touches.retain(|cut| {
         let (begins, ends) = (cut.frames.start > 0, cut.frames.end < frames);
@@ -76,6 +88,7 @@ mod tests {
         ContactCuts {
             touches: frames.iter().map(cut).collect(),
             short: 0,
+            rests: 0,
         }
     }
 

@@ -98,7 +98,7 @@ pub(crate) struct Args {
     /// Cut a recording where a taxel is above this; for motions that begin and end with contact
     #[arg(long, value_name = "COUNTS")]
     contact: Option<f64>,
-    /// With --contact: fewest frames of a touch
+    /// With --contact: fewest frames of a touch, and of the rest that ends one
     #[arg(long, value_name = "N", default_value_t = 5, requires = "contact", conflicts_with_all = ["marks", "until", "sweep"])]
     least: usize,
     /// Which array of an .npz

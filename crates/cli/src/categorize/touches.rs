@@ -183,7 +183,7 @@ pub(crate) fn of_recording(
         }
         (None, Some(threshold)) => {
             let above = above_baseline(&values, taxels, recording.has_counts(), 0);
-            let cuts = cut_by_contact(&above, taxels, threshold, cutting.least);
+            let cuts = cut_by_contact(&above, &times, threshold, cutting.least);
             match contact::whole(cuts, &recording, motion, cutting.least) {
                 none if none.is_empty() => Err(SequenceError::NoTouch),
                 cuts => Ok(cuts),
