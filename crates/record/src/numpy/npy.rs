@@ -282,12 +282,22 @@ impl<R: Read> Array<R> {
         self.datetimes().is_some()
     }
 
-    /// Its numbers as times, nanoseconds.
-    pub(crate) fn times(mut self) -> Result<Vec<u64>, RecordError> {
-        let whole = self
-            .element
-            .filter(|e| e.bytes == 8 && matches!(e.kind, Kind::Unsigned | Kind::Signed));
-        let Some((element, unit_ns)) = whole.map(|element| (element, 1)).or_else(|| self.datetimes()) else {
+    /// Its whole numbers of 64 bits, which a double need not hold.
+    fn long(&self) -> Option<Element> {
+        self.element
+            .filter(|e| e.bytes == 8 && matches!(e.kind, Kind::Unsigned | Kind::Signed))
+    }
+
+    /// Whether its elements are whole numbers of 64 bits.
+    pub(crate) fn is_long(&self) -> bool {
+        self.long().is_some()
+    }
+
+    /// Its numbers, of so many nanoseconds each, or its times of a unit of their own, in nanoseconds.
+    pub(crate) fn times(mut self, unit_ns: u64) -> Result<Vec<u64>, RecordError> {
+        let whole = self.long();
+        let of_numbers = whole.map(|element| (element, unit_ns));
+        let Some((element, unit_ns)) = of_numbers.or_else(|| self.datetimes()) else {
             let dtype = self.dtype();
             let made = match dtype.get(..2) {
                 Some("M8") => "t.astype(\"datetime64[ns]\").astype(\"int64\")",

@@ -211,8 +211,8 @@ impl<'a> Npz<'a> {
             return Ok(None);
         }
         let array = self.array(time)?;
-        if unit == TimeUnit::Ns {
-            return array.times().map(Some);
+        if unit == TimeUnit::Ns || array.is_long() {
+            return array.times(10u64.pow(unit.decimals() as u32)).map(Some);
         }
         let (at, ns) = (array.at.clone(), 10f64.powi(unit.decimals()));
         let in_ns = |time: f64| match (time * ns).round() {

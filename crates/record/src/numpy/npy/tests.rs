@@ -127,7 +127,7 @@ fn numbers_of_every_width_sign_and_byte_order_are_their_values() {
 fn times_that_are_no_whole_nanoseconds_are_refused_with_what_makes_such_of_them() {
     let refused = |descriptor: &str| {
         let bytes = file(descriptor, "(1,)", &[0; 8]);
-        let times = Array::open("test".into(), &bytes[..]).unwrap().times();
+        let times = Array::open("test".into(), &bytes[..]).unwrap().times(1);
         times.unwrap_err().to_string()
     };
     for (descriptor, made) in [
@@ -148,7 +148,7 @@ fn times_that_are_no_whole_nanoseconds_are_refused_with_what_makes_such_of_them(
     }
     let times = |descriptor: &str, bytes: &[u8]| {
         let bytes = file(descriptor, "(1,)", bytes);
-        let times = Array::open("test".into(), &bytes[..]).unwrap().times();
+        let times = Array::open("test".into(), &bytes[..]).unwrap().times(1);
         times.map_err(|error| error.to_string())
     };
     for (descriptor, times_ns) in [

@@ -225,6 +225,24 @@ fn of_several_arrays_called_times_one_with_a_unit_and_of_the_frames_gives_them()
 }
 
 #[test]
+fn times_in_whole_numbers_are_read_to_the_nanosecond() {
+    let dir = TempDir::new().unwrap();
+    let path = dir.path().join("epoch.npz");
+    for (name, decimals) in [("t_us", 3), ("t_ms", 6), ("t_s", 9)] {
+        // 2012, of which a double holds 256 nanoseconds.
+        let first = 1_330_000_000_100_000_000 / 10i64.pow(decimals);
+        let mut writer = NpzWriter::new(File::create(&path).unwrap());
+        writer.add_array("a", &Array2::<f32>::zeros((2, 5))).unwrap();
+        let times = Array1::from_vec(vec![first, first + 7]);
+        writer.add_array(name, &times).unwrap();
+        writer.finish().unwrap();
+        let read = open(&path).unwrap();
+        let wanted = [first, first + 7].map(|time| time as u64 * 10u64.pow(decimals));
+        assert_eq!([0, 1].map(|frame| read.t_ns(frame)), wanted, "{name}");
+    }
+}
+
+#[test]
 fn times_and_joints_of_no_array_of_the_npz_are_refused() {
     let dir = TempDir::new().unwrap();
     let path = dir.path().join("short.npz");
