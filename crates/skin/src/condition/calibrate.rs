@@ -456,6 +456,9 @@ impl Conditioner {
             .judge_noise(robust && limit > 0.0 && idle.noise_counts > limit);
         let own = self.own_threshold(idle.rest.peak);
         self.thresholds.set_taxel(n, own);
+        if self.config.threshold_per_taxel && self.settled_faults(n).is_empty() {
+            self.thresholds.set_theta(own.max(self.thresholds.theta()));
+        }
         self.judge_zero(n);
     }
 }

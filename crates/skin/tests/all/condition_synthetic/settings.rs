@@ -110,6 +110,25 @@ fn thresholds_per_taxel_let_quiet_taxels_feel_less() {
 }
 
 #[test]
+fn the_hands_threshold_is_the_greatest_also_of_a_taxel_that_spoke_late() {
+    let config = ConditionConfig {
+        threshold_per_taxel: true,
+        ..ConditionConfig::robust()
+    };
+    let mut skin = Skin::new(3, 100, config);
+    skin.noise[..2].fill([1, 1, 1]);
+    while skin
+        .step_with(|frame| frame.freshness[2] = Freshness::Missing)
+        .calibrating
+    {}
+    assert_eq!(skin.conditioner.threshold(), 10.0);
+    skin.frame.freshness[2] = Freshness::Fresh;
+    skin.run_ms(2_000);
+    let late = skin.conditioner.threshold_of(2);
+    assert!(late > 30.0 && skin.conditioner.threshold() == late, "{late}");
+}
+
+#[test]
 fn settings_read_from_toml_refuse_unknown_keys_and_values_out_of_range() {
     let config: ConditionConfig =
         toml::from_str("magnitude = \"literal_squared\"\nmasked_taxels = [3]\n").expect("valid");
