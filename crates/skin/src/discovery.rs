@@ -18,6 +18,9 @@ const MS: u64 = 1_000_000;
 const QUIET_NS: u64 = 250 * MS;
 /// A bus that is not silent by then is not asked.
 const PATIENCE_NS: u64 = 1_500 * MS;
+/// The same of buses of which nothing is known: devices of other kinds may say once a second that they are there.
+const UNKNOWN_QUIET_NS: u64 = 1_100 * MS;
+const UNKNOWN_PATIENCE_NS: u64 = 2_500 * MS;
 /// Time for answers to the question to everybody.
 const COLLECT_NS: u64 = 200 * MS;
 /// Pause between commands to boards.
@@ -134,6 +137,10 @@ struct Bus {
     phase: Phase,
     /// When something is due.
     at_ns: u64,
+    /// How long it has to be silent before it is asked.
+    quiet_ns: u64,
+    /// How long that is waited for.
+    longest_ns: u64,
     /// When listening is given up.
     patience_ns: Option<u64>,
     /// When something was last sent on the bus by others, and its id.
@@ -216,7 +223,7 @@ impl Discovery<()> {
     /// boards stream is reported as busy.
     pub fn scan(buses: u8) -> Self {
         Self {
-            buses: (0..buses).map(Bus::new).collect(),
+            buses: (0..buses).map(Bus::unknown).collect(),
             boards: Vec::new(),
             expected: Vec::new(),
             then: (),
@@ -373,10 +380,20 @@ impl Bus {
             number,
             phase: Phase::Stop(0),
             at_ns: 0,
+            quiet_ns: QUIET_NS,
+            longest_ns: PATIENCE_NS,
             patience_ns: None,
             heard: None,
             busy: false,
             stops: Vec::new(),
+        }
+    }
+
+    fn unknown(number: u8) -> Self {
+        Self {
+            quiet_ns: UNKNOWN_QUIET_NS,
+            longest_ns: UNKNOWN_PATIENCE_NS,
+            ..Self::new(number)
         }
     }
 
@@ -401,13 +418,13 @@ impl Bus {
             }
             Phase::Stop(_) => {
                 self.phase = Phase::Listen;
-                self.at_ns = now_ns + QUIET_NS;
-                self.patience_ns = Some(now_ns + PATIENCE_NS);
+                self.at_ns = now_ns + self.quiet_ns;
+                self.patience_ns = Some(now_ns + self.longest_ns);
                 None
             }
             Phase::Listen => {
                 let patience_ns = self.patience_ns.unwrap_or(now_ns);
-                let quiet_at_ns = self.heard.map_or(0, |(heard_ns, _)| heard_ns + QUIET_NS);
+                let quiet_at_ns = self.heard.map_or(0, |(heard_ns, _)| heard_ns + self.quiet_ns);
                 if now_ns >= quiet_at_ns {
                     self.phase = Phase::Collect;
                     self.at_ns = now_ns + COLLECT_NS;

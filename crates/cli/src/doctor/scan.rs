@@ -235,6 +235,7 @@ fn tell(scan: &Scan<'_>, buses: &[Bus], found: &Recognition, asked: Option<&Aske
             None => START.into(),
         };
         said.extend(words(bus, found, scan.seconds, &unheard));
+        said.extend(asked.and_then(|asked| asked.kept_quiet(number, bus, found)));
     }
     if let Some(builtin) = found.builtin() {
         said.push(format!("These are the boards of the built-in hand {builtin}."));

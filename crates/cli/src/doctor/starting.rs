@@ -2,14 +2,15 @@
 
 use super::bus_listener::{BusListener, Listener};
 use super::hand::firmware_text;
+use super::scan::Bus;
 use anyhow::bail;
 use std::collections::BTreeSet;
 use std::thread::sleep;
 use std::time::Duration;
 use taxel_can::{CanFrame, Received, SourceAddress};
 use taxel_skin::{
-    CyskinPacket, CyskinSetup, Discovery, FoundBoard, ICUB_CALIBRATION_MS, MtbCommand, Protocol, Recogniser,
-    cyskin_frames, icub_configuration,
+    CyskinPacket, CyskinSetup, Discovery, FoundBoard, ICUB_CALIBRATION_MS, MtbCommand, Protocol,
+    RecognisedBus, Recogniser, cyskin_frames, icub_configuration,
 };
 
 const DISCOVERY_NS: u64 = 4_000_000_000;
@@ -23,6 +24,8 @@ const STOPPED: &str = "stopped before anything was recognised";
 #[derive(Debug, Default)]
 pub(crate) struct Asked {
     boards: Vec<FoundBoard>,
+    /// Buses on which others speak, so that nothing was sent.
+    busy: Vec<u8>,
     /// Buses on which CySkin hubs were told to start, if there are any.
     hubs: Vec<u8>,
 }
@@ -80,6 +83,7 @@ impl Asked {
         let (report, ()) = asking.0.finish();
         let mut asked = Self {
             boards: report.boards,
+            busy: report.busy.iter().map(|busy| busy.bus).collect(),
             hubs: Vec::new(),
         };
         for board in asked.startable() {
@@ -98,7 +102,7 @@ impl Asked {
         }
         for bus in 0..buses {
             let has_mtbs = asked.boards.iter().any(|board| board.bus == bus);
-            if !has_mtbs && !report.busy.iter().any(|busy| busy.bus == bus) {
+            if !has_mtbs && !asked.busy.contains(&bus) {
                 tell_hubs(bus_listener, bus, |hubs| &hubs.start);
                 asked.hubs.push(bus);
             }
@@ -142,6 +146,18 @@ impl Asked {
         for bus in &self.hubs {
             tell_hubs(bus_listener, *bus, |hubs| &hubs.stop);
         }
+    }
+
+    /// That nothing was sent on a bus (of this index), as others speak there and no board does.
+    pub(crate) fn kept_quiet(&self, number: u8, bus: &Bus, found: &RecognisedBus) -> Option<String> {
+        let is_so = self.busy.contains(&number) && found.boards.is_empty();
+        is_so.then(|| {
+            format!(
+                "{}: nobody was asked for boards, since others speak there; who has boards on it that wait to be started \
+                 silences the others meanwhile",
+                bus.name
+            )
+        })
     }
 
     /// How the sentence goes on that nothing was heard on a bus (index).
@@ -213,6 +229,7 @@ mod tests {
         };
         let asked = Asked {
             boards: vec![board(0, 2, false), board(0, 14, true)],
+            busy: Vec::new(),
             hubs: vec![1],
         };
         let can = |interface: &str| SourceAddress::Can {

@@ -302,7 +302,11 @@ fn find_boards(
     }
     for (number, (bus, found)) in (0u8..).zip(buses.iter().zip(&found.buses)) {
         let unheard = (asked.as_ref()).map_or(String::new(), |asked| asked.unheard(number, &bus.source));
-        for line in scan::words(bus, found, seconds, &unheard) {
+        let quiet = (asked.as_ref()).and_then(|asked| asked.kept_quiet(number, bus, found));
+        for line in scan::words(bus, found, seconds, &unheard)
+            .into_iter()
+            .chain(quiet)
+        {
             say(&line);
         }
     }

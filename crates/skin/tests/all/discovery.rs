@@ -179,6 +179,22 @@ fn a_scan_stops_nobody() {
 }
 
 #[test]
+fn a_scan_asks_nobody_where_something_speaks_once_a_second() {
+    let mut discovery = Discovery::scan(1);
+    let sent = run(
+        &mut discovery,
+        |_, _| vec![],
+        |now| (now % (1_000 * MS) == 100 * MS).then(|| (0, frame(0x701, &[5]))),
+    );
+    assert_eq!(sent, []);
+    let busy = discovery.finish().0.busy;
+    assert_eq!(
+        busy.iter().map(|b| (b.bus, b.id)).collect::<Vec<_>>(),
+        [(0, 0x701)]
+    );
+}
+
+#[test]
 fn a_supervisor_that_has_spoken_is_not_given_to_a_discovery() {
     let layout = crate::support::icub("icub-mtb3", "");
     let mut started = supervisor(&layout);
