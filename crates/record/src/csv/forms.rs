@@ -98,18 +98,28 @@ fn is_number(cell: &str) -> bool {
     cell.parse::<f64>().is_ok()
 }
 
-/// Refuses the header of python-can's `CSVWriter`, `can/io/csv.py`.
-pub(super) fn refuse_log_of_python_can(header: &ByteRecord, path: &Path) -> Result<(), String> {
-    if header.iter().take(2).ne([&b"timestamp"[..], b"arbitration_id"]) {
+/// Refuses the headers of logs of CAN frames: those of python-can's `CSVWriter`, `can/io/csv.py`, and of SavvyCAN's own,
+/// `framefileio.cpp`.
+pub(super) fn refuse_log_of_can(header: &ByteRecord, path: &Path) -> Result<(), String> {
+    let begins_with = |names: [&str; 2]| {
+        let cells = header.iter().map(|cell| cell.trim_ascii().to_ascii_lowercase());
+        cells.take(2).eq(names.map(|name| name.as_bytes().to_vec()))
+    };
+    let (program, way) = if begins_with(["timestamp", "arbitration_id"]) {
+        let (file, log) = (
+            shell_word(path.display()),
+            shell_word(path.with_extension("log").display()),
+        );
+        let way = format!("`can_logconvert {file} {log}` of python-can makes a .log of it");
+        ("python-can", way)
+    } else if begins_with(["time stamp", "id"]) {
+        let way = "have SavvyCAN save it as \"Candump/Kayak (*.log)\"".to_owned();
+        ("SavvyCAN", way)
+    } else {
         return Ok(());
-    }
-    let (file, log) = (
-        shell_word(path.display()),
-        shell_word(path.with_extension("log").display()),
-    );
+    };
     Err(format!(
-        "a log of CAN frames, as python-can writes them, and no table of numbers; `can_logconvert {file} {log}` of python-can \
-         makes a .log of it"
+        "a log of CAN frames, as {program} writes them, and no table of numbers; {way}"
     ))
 }
 

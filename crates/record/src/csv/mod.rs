@@ -14,7 +14,7 @@ pub(crate) use columns::taxel_of;
 
 use clock::{is_clock, time_ns, unit_beyond_seconds, unit_since_1970};
 use columns::{LineColumns, cell, is_unnamed};
-use forms::{refuse_lines_of_names, refuse_log_of_python_can};
+use forms::{refuse_lines_of_names, refuse_log_of_can};
 use lines::{LINE_BYTES, Lines, unreadable};
 use no_frame::NoFrame;
 use number::number;
@@ -90,7 +90,7 @@ pub(crate) fn read(path: &Path, options: &ReadOptions) -> Result<Table, RecordEr
             record.truncate(record.len() - 1);
         }
         if is_first && is_header(record) {
-            refuse_log_of_python_can(record, path).map_err(refuse)?;
+            refuse_log_of_can(record, path).map_err(refuse)?;
             let is_index_time = has_index(record) && is_index_clock(path, delimiter)?;
             frames.meaning = LineColumns::of_header(record, options, is_index_time).map_err(refuse)?;
             if is_index_time && frames.meaning.time.is_none() && options.rate_hz.is_none() {

@@ -86,13 +86,21 @@ fn boards_of_different_fingers_are_different_taxels() {
 }
 
 #[test]
-fn a_log_of_python_can_is_told_from_a_table_of_numbers() {
-    let log =
-        "timestamp,arbitration_id,extended,remote,error,dlc,data\n0.002437,0x600,0,0,0,8,g4A5gAYyhgE=\n";
-    let message = read_text(log, &ReadOptions::default()).unwrap_err();
-    assert!(message.contains("frames.csv:1: a log of CAN frames"), "{message}");
-    let (advice, makes) = ("`can_logconvert ", "frames.log` of python-can makes a .log of it");
-    assert!(message.contains(advice) && message.contains(makes), "{message}");
+fn a_log_of_can_frames_is_told_from_a_table_of_numbers() {
+    for (log, way) in [
+        (
+            "timestamp,arbitration_id,extended,remote,error,dlc,data\n0.002437,0x600,0,0,0,8,g4A5gAYyhgE=\n",
+            "frames.log` of python-can makes a .log of it",
+        ),
+        (
+            "Time Stamp,ID,Extended,Dir,Bus,LEN,D1,D2,D3,D4,D5,D6,D7,D8\n2437,00000600,false,Rx,0,2,80,39,\n",
+            "have SavvyCAN save it as \"Candump/Kayak (*.log)\"",
+        ),
+    ] {
+        let message = read_text(log, &ReadOptions::default()).unwrap_err();
+        assert!(message.contains("frames.csv:1: a log of CAN frames"), "{message}");
+        assert!(message.contains(way), "{message}");
+    }
 }
 
 #[test]
