@@ -4,6 +4,7 @@ use super::counts::{FRAMES_BEFORE, Followed};
 use super::map_file::MapFile;
 use super::probe::Probe;
 use super::values::Values;
+use super::waiting_marks::WaitingMarks;
 use crate::client::live_lines::{Lines, every_frame};
 use crate::client::reconnect::with_daemon;
 use crate::notices;
@@ -15,7 +16,7 @@ use std::path::Path;
 use taxel_hand::{Freshness, plural};
 use taxel_palpation::Classifier;
 use taxel_sequence::{Aligned, Alignment, Motion, SequenceError, Touch};
-use taxel_wire::{EventKind, Hello, Kind, RawTaxel, Received, Subscriber};
+use taxel_wire::{EventKind, Header, Hello, Kind, RawTaxel, RawView, Received, Subscriber};
 
 /// Touches as they come: frames and marks in, categories out. No socket and no clock.
 pub(crate) struct Live {
@@ -289,56 +290,94 @@ fn above(baseline: [f32; 3], reading: &RawTaxel, taxel: &mut Followed) -> [f64; 
     std::array::from_fn(|axis| at[axis] - f64::from(baseline[axis]))
 }
 
+/// One daemon, as it is followed.
+struct Following<'a> {
+    live: &'a mut Live,
+    listener: &'a mut dyn Listener,
+    marks: WaitingMarks,
+    /// The number of the newest frame.
+    newest: u64,
+    followed: Vec<Followed>,
+}
+
 fn follow_one(subscriber: Subscriber, live: &mut Live, listener: &mut dyn Listener) -> anyhow::Result<()> {
-    let values = live.grid.taxels;
     let mut subscriber = every_frame(subscriber)?;
-    let mut newest = 0;
-    let mut followed: Vec<Followed> = Vec::new();
-    loop {
-        match subscriber.next()? {
+    let mut following = Following {
+        live,
+        listener,
+        marks: WaitingMarks::default(),
+        newest: 0,
+        followed: Vec::new(),
+    };
+    let ended = loop {
+        let received = subscriber.next().map_err(anyhow::Error::from);
+        if let Err(error) = received.and_then(|received| following.take(received)) {
+            break error;
+        }
+    };
+    following.take_marks(u64::MAX)?;
+    Err(ended)
+}
+
+impl Following<'_> {
+    fn take(&mut self, received: Received<'_>) -> anyhow::Result<()> {
+        match received {
             Received::Hello(hello) => {
-                if let Some(told) = live.probe.meets(&hello.layout, hello.taxels.len())? {
+                if let Some(told) = self.live.probe.meets(&hello.layout, hello.taxels.len())? {
                     notices::warn(&format!("taxel: {told}"));
                 }
-                listener.hello(hello)?;
+                self.listener.hello(hello)
             }
-            Received::Raw(header, raw) => {
-                if header.skipped > 0 && live.touch.is_some() {
-                    listener.lost(header.skipped, header.seq);
-                }
-                newest = header.seq;
-                let one = values == raw.taxels().len();
-                if one {
-                    let has_three = raw.taxels().any(|taxel| taxel.counts[..2] != [0, 0]);
-                    if let Some(told) = live.probe.sees(has_three)? {
-                        notices::warn(&format!("taxel: {told}"));
-                    }
-                }
-                let Some(baselines) = raw.baselines() else {
-                    bail!(
-                        "the daemon sends no baselines (it is of version 1.0, or the hand has too many taxels)"
-                    );
-                };
-                if followed.len() != raw.taxels().len() {
-                    followed = vec![Followed::default(); raw.taxels().len()];
-                    live.before.iter_mut().for_each(VecDeque::clear);
-                }
-                let readings = raw.taxels().zip(baselines).zip(&mut followed);
-                let is_above = live.before.is_none();
-                let pressed = readings.map(|((reading, baseline), taxel)| {
-                    let above = above(baseline, &reading, taxel);
-                    if is_above { above } else { taxel.at() }
-                });
-                let values = pressed.flat_map(|xyz| xyz.into_iter().skip(if one { 2 } else { 0 }));
-                live.handle_frame(header.t_ns, values);
-            }
+            Received::Raw(header, raw) => self.take_frame(&header, &raw),
             Received::Event(header, event) if event.event == EventKind::Mark => {
-                if let Some(touch) = live.handle_mark(header.t_ns, &event.message) {
-                    listener.touch(touch, header.t_ns, newest)?;
-                }
+                self.marks.wait(header.t_ns, &event.message);
+                Ok(())
             }
-            _ => {}
+            _ => Ok(()),
         }
+    }
+
+    /// Takes the marks that are before a frame of this instant, and tells of the touches that they end.
+    fn take_marks(&mut self, t_ns: u64) -> anyhow::Result<()> {
+        while let Some((mark_ns, text)) = self.marks.next_before(t_ns) {
+            if let Some(touch) = self.live.handle_mark(mark_ns, &text) {
+                self.listener.touch(touch, mark_ns, self.newest)?;
+            }
+        }
+        Ok(())
+    }
+
+    fn take_frame(&mut self, header: &Header, raw: &RawView<'_>) -> anyhow::Result<()> {
+        self.marks.count_frame();
+        self.take_marks(header.t_ns)?;
+        let live = &mut *self.live;
+        if header.skipped > 0 && live.touch.is_some() {
+            self.listener.lost(header.skipped, header.seq);
+        }
+        self.newest = header.seq;
+        let one = live.grid.taxels == raw.taxels().len();
+        if one {
+            let has_three = raw.taxels().any(|taxel| taxel.counts[..2] != [0, 0]);
+            if let Some(told) = live.probe.sees(has_three)? {
+                notices::warn(&format!("taxel: {told}"));
+            }
+        }
+        let Some(baselines) = raw.baselines() else {
+            bail!("the daemon sends no baselines (it is of version 1.0, or the hand has too many taxels)");
+        };
+        if self.followed.len() != raw.taxels().len() {
+            self.followed = vec![Followed::default(); raw.taxels().len()];
+            live.before.iter_mut().for_each(VecDeque::clear);
+        }
+        let readings = raw.taxels().zip(baselines).zip(&mut self.followed);
+        let is_above = live.before.is_none();
+        let pressed = readings.map(|((reading, baseline), taxel)| {
+            let above = above(baseline, &reading, taxel);
+            if is_above { above } else { taxel.at() }
+        });
+        let values = pressed.flat_map(|xyz| xyz.into_iter().skip(if one { 2 } else { 0 }));
+        live.handle_frame(header.t_ns, values);
+        Ok(())
     }
 }
 

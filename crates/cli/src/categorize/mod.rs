@@ -14,6 +14,7 @@ mod sweep;
 mod touches;
 mod trial;
 mod values;
+mod waiting_marks;
 
 use crate::errors::wrong_use;
 use crate::piped_file::recording_parser;
