@@ -73,13 +73,12 @@ fn trials(jobs: &[Job], window: Option<f64>, seed: u64) -> anyhow::Result<Vec<Tr
 }
 
 fn summary(trials: &[Trial]) -> String {
+    let rows = || trials.iter().flat_map(|trial| &trial.rows);
     let mut text = format!(
-        "{}, {} of them proved to have the best categories\n",
+        "{}; {} of {} divisions into categories are proved to be the best\n",
         plural(trials.len(), "motion"),
-        {
-            let proved = |trial: &&Trial| trial.rows.iter().all(|row| row.proved);
-            trials.iter().filter(proved).count()
-        }
+        rows().filter(|row| row.proved).count(),
+        rows().count(),
     );
     for phantom in phantoms(trials) {
         let _ = writeln!(text, "\n{phantom:<26}{:>26}{:>26}", "vertical", "any motion");

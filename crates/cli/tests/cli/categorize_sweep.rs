@@ -10,7 +10,10 @@ fn a_sweep_judges_every_motion_and_draws_what_it_can() {
     let manifest = format!("phantom,motion,depth,radius,area,label,file,time\n{rows}");
     std::fs::write(dir.path().join("sweep.csv"), manifest).unwrap();
     let (out, _) = succeeds(&dir, &["categorize", "--sweep", "sweep.csv", "--figures", "out"]);
-    assert!(out.starts_with("3 motions, 3 of them proved"), "{out}");
+    assert!(
+        out.starts_with("3 motions; 9 of 9 divisions into categories are proved to be the best\n"),
+        "{out}"
+    );
     assert!(out.contains("rank-1"), "{out}");
     for figure in 6..=17 {
         for ending in ["svg", "csv"] {
