@@ -83,7 +83,8 @@ fn made_of(extension: &str, path: &Path) -> Option<String> {
         }
         "mat" => Some(
             "save the array in Python, time first: numpy.save(\"frames.npy\", scipy.io.loadmat(..)[\"NAME\"]), with \
-             numpy.moveaxis(.., -1, 0) where time is its last axis"
+             numpy.moveaxis(.., -1, 0) where time is its last axis; of version 7.3, which is HDF5, h5py.File(..)[\"NAME\"][()], \
+             whose axes are the other way round"
                 .into(),
         ),
         "pkl" | "pickle" => Some(

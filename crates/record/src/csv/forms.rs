@@ -98,6 +98,20 @@ fn is_number(cell: &str) -> bool {
     cell.parse::<f64>().is_ok()
 }
 
+/// Why a file that begins so has no lines of UTF-8, as some programs write text, and what makes them of it.
+pub(super) fn of_another_program(head: &[u8], path: &Path) -> Option<String> {
+    let file = shell_word(path.display());
+    match head {
+        [0xFF, 0xFE, ..] | [0xFE, 0xFF, ..] => Some(format!(
+            "UTF-16 text; `iconv -f utf-16 -t utf-8 {file} > new.csv` makes a file of it that is read"
+        )),
+        _ if head.contains(&b'\r') && !head.contains(&b'\n') => Some(format!(
+            "its lines end with a carriage return alone; `tr '\\r' '\\n' < {file} > new.csv` makes a file of it that is read"
+        )),
+        _ => None,
+    }
+}
+
 /// Refuses the headers of logs of CAN frames: those of python-can's `CSVWriter`, `can/io/csv.py`, and of SavvyCAN's own,
 /// `framefileio.cpp`.
 pub(super) fn refuse_log_of_can(header: &ByteRecord, path: &Path) -> Result<(), String> {

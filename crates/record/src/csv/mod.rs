@@ -14,7 +14,7 @@ pub(crate) use columns::taxel_of;
 
 use clock::{is_clock, time_ns, unit_beyond_seconds, unit_since_1970};
 use columns::{LineColumns, cell, is_unnamed};
-use forms::{refuse_lines_of_names, refuse_log_of_can};
+use forms::{of_another_program, refuse_lines_of_names, refuse_log_of_can};
 use lines::{LINE_BYTES, Lines, unreadable};
 use no_frame::NoFrame;
 use number::number;
@@ -54,6 +54,9 @@ pub(crate) fn read(path: &Path, options: &ReadOptions) -> Result<Table, RecordEr
     let io_error = RecordError::io(path);
     let mut file = BufReader::new(File::open(path).map_err(&io_error)?);
     let head = head(&mut file).map_err(&io_error)?;
+    if let Some(reason) = of_another_program(&head, path) {
+        return Err(unreadable(path, 1, reason));
+    }
     // A last line without its end gets one, so that the line of a record is always the one before
     // the reader's.
     let whole = head.as_slice().chain(file).chain(&b"\n"[..]);

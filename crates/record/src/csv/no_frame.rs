@@ -60,12 +60,36 @@ impl NoFrame<'_> {
         self.frames.frames > 0 && (is_short || self.reason.ends_with(NO_NUMBER))
     }
 
+    /// Whether the columns are called as those of a table that pandas melted.
+    fn is_melted(&self) -> bool {
+        let has = |name: &[u8]| {
+            self.first
+                .iter()
+                .any(|cell| cell.trim_ascii().eq_ignore_ascii_case(name))
+        };
+        has(b"variable") && has(b"value")
+    }
+
     /// What to do where what is taken for the header may be none, as in a preamble.
     fn advice(&self) -> String {
         let (cells, columns) = (self.record.len(), self.frames.meaning.columns);
         let is_behind_header = self.frames.frames == 0 && columns.is_some();
         let is_text = is_behind_header && self.reason.ends_with(NO_NUMBER);
-        if is_text && let Some(begin) = table_begin(self.path, self.delimiter, cells) {
+        let begin = is_text
+            .then(|| table_begin(self.path, self.delimiter, cells))
+            .flatten();
+        if is_text && self.lines_before == 1 && self.record.iter().all(is_unit) {
+            return format!(
+                "; where it is a line of units, leave it out (`sed {}d`)",
+                self.line
+            );
+        }
+        if is_text && self.is_melted() {
+            return "; where each line has one value of a frame, pandas df.pivot(index=.., columns=.., values=..) makes a line of \
+                    each frame"
+                .into();
+        }
+        if let Some(begin) = begin {
             return format!(
                 "; the table seems to begin at line {begin}: cut off what is before it (`tail -n +{begin}`)"
             );
@@ -86,8 +110,24 @@ impl NoFrame<'_> {
             Some(names) if has_number && names > cells => {
                 format!("; the header has {names} names, and this line {cells} cells")
             }
-            Some(names) if has_number && names == cells => "; cut that column out".into(),
+            Some(names) if has_number && names == cells => {
+                "; cut that column out, or, where it says which sensor a line is of, make a file of each: in pandas df[df.NAME == ..]"
+                    .into()
+            }
             _ => "; where the table begins further down, cut off what is before it (`tail -n +N`)".into(),
         }
+    }
+}
+
+/// Whether a cell is a unit, as under the name of a column: in brackets, or one that is usual.
+fn is_unit(cell: &[u8]) -> bool {
+    const UNITS: [&str; 14] = [
+        "", "-", "s", "ms", "us", "ns", "rad", "deg", "n", "mn", "kpa", "pa", "v", "counts",
+    ];
+    match cell.trim_ascii() {
+        [b'[', .., b']'] | [b'(', .., b')'] => true,
+        cell => UNITS
+            .iter()
+            .any(|unit| cell.eq_ignore_ascii_case(unit.as_bytes())),
     }
 }

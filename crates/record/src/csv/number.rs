@@ -29,10 +29,17 @@ pub(super) fn number(column: usize, bytes: &[u8]) -> Result<f64, String> {
             [b'0'..=b'9', ..] if text.contains(':') => {
                 ", but a time of day; times are numbers: in pandas t = pandas.to_timedelta(df.NAME); df.NAME = (t - t[0]).dt.total_seconds()"
             }
-            [b'[', ..] => ", a list; write its values to columns of their own: in pandas pandas.DataFrame(df.NAME.tolist())",
+            [b'[', rest @ ..] if rest.trim_ascii_start().first().is_none_or(|byte| !byte.is_ascii_alphabetic()) => ", a list; write its values to columns of their own: in pandas pandas.DataFrame(df.NAME.tolist())",
             _ if text.split([' ', '\t', ';', '|']).all(|cell| cell.parse::<f64>().is_ok()) => NO_SEPARATOR,
             _ if text.contains(',') && text.contains('.') => {
                 "; thousands are not set apart: in pandas pandas.read_csv(NAME, thousands=\",\").to_csv(NEW, index=False)"
+            }
+            _ if are_thousands(text) => {
+                "; numbers have no comma: in pandas pandas.read_csv(NAME, thousands=\",\").to_csv(NEW, index=False), or with \
+                 sep=None, engine=\"python\", decimal=\",\" where it begins the decimals"
+            }
+            [b'0', b'x' | b'X', digits @ ..] if digits.iter().all(u8::is_ascii_hexdigit) => {
+                "; it is hexadecimal: in pandas df.NAME.map(lambda cell: int(cell, 16))"
             }
             _ if text.contains(',') => {
                 "; decimals are written with a point: in pandas pandas.read_csv(NAME, sep=None, engine=\"python\", \
@@ -43,4 +50,16 @@ pub(super) fn number(column: usize, bytes: &[u8]) -> Result<f64, String> {
         };
         format!("column {} is {quoted:?}, {NO_NUMBER}{advice}", column + 1)
     })
+}
+
+/// Whether a text without a point may be a number whose thousands are set apart by commas.
+fn are_thousands(text: &str) -> bool {
+    let digits = text.trim_start_matches(['-', '+']);
+    let mut groups = digits.split(',');
+    let first = groups.next().unwrap_or_default();
+    let are_digits = |group: &str| group.bytes().all(|byte| byte.is_ascii_digit());
+    digits.contains(',')
+        && (1..=3).contains(&first.len())
+        && are_digits(first)
+        && groups.all(|group| group.len() == 3 && are_digits(group))
 }

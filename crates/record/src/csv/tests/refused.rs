@@ -162,6 +162,37 @@ fn errors_name_the_line() {
         ),
         ("0B0X,0B0Y,0B0Z\n1,2,70000\n", &none, "70000"),
         (
+            "t,a\n[s],[kPa]\n0,2\n",
+            &none,
+            ":2: column 1 is \"[s]\", which is not a number; where it is a line of units, leave it out (`sed 2d`)",
+        ),
+        (
+            "t,a\n0,\"1,023\"\n",
+            &none,
+            "pandas.read_csv(NAME, thousands=\",\")",
+        ),
+        ("t;a\n0;1,02\n", &none, "; decimals are written with a point"),
+        (
+            "t,a\n0,0x17\n",
+            &none,
+            "; it is hexadecimal: in pandas df.NAME.map(",
+        ),
+        (
+            "t,variable,value\n0,s0,1\n0,s1,2\n",
+            &none,
+            "; where each line has one value of a frame, pandas df.pivot(",
+        ),
+        (
+            "t,hand,a\n0,left,1\n",
+            &none,
+            "make a file of each: in pandas df[df.NAME == ..]",
+        ),
+        (
+            "t,a\r0,1\r",
+            &none,
+            "frames.csv:1: its lines end with a carriage return alone; `tr '\\r' '\\n' <",
+        ),
+        (
             "1,2024-05-01 12:00\n",
             &none,
             "in pandas t = pandas.to_datetime(df[1]); df[1] = (t - t[0]).dt.total_seconds()",
@@ -187,6 +218,16 @@ fn errors_name_the_line() {
     std::fs::write(&path, b"1,2\n3,\xff\n").unwrap();
     let message = Recording::open(&path, &none).unwrap_err().to_string();
     assert!(message.contains(":2: not UTF-8"), "{message}");
+    let wide: Vec<u8> = "\u{feff}1,2\n"
+        .encode_utf16()
+        .flat_map(u16::to_le_bytes)
+        .collect();
+    std::fs::write(&path, wide).unwrap();
+    let message = Recording::open(&path, &none).unwrap_err().to_string();
+    assert!(
+        message.contains(":1: UTF-16 text; `iconv -f utf-16 -t utf-8"),
+        "{message}"
+    );
 }
 
 #[test]
