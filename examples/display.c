@@ -73,8 +73,21 @@ static void show(const struct taxel_message *message, const struct taxel_image *
     }
 }
 
-/* Shows images until the connection ends. */
-static enum taxel_result follow(int fd, uint16_t levels[ACTUATORS])
+/* Whether an event says that the daemon cannot give such images. */
+static int is_refusal(const struct taxel_message *event)
+{
+    static const char refused[] = "\"refused\"";
+    const size_t length = sizeof refused - 1;
+    size_t i;
+    for (i = 0; i + length <= event->payload_len; i++)
+        if (memcmp(event->payload + i, refused, length) == 0)
+            return 1;
+    return 0;
+}
+
+/* Shows images until the connection ends, or the daemon refuses to make them: its own, which it goes on to send, are
+ * not of this display. */
+static enum taxel_result follow(int fd, uint16_t levels[ACTUATORS], int *refused)
 {
     static uint8_t packet[TAXEL_MAX_MESSAGE];
     struct taxel_message message;
@@ -99,6 +112,10 @@ static enum taxel_result follow(int fd, uint16_t levels[ACTUATORS])
             last = now;
         } else if (result == TAXEL_OK && message.type == TAXEL_EVENT) {
             fprintf(stderr, "taxeld: %.*s\n", (int)message.payload_len, (const char *)message.payload);
+            if (is_refusal(&message)) {
+                *refused = 1;
+                return TAXEL_OK;
+            }
         } else if (result != TAXEL_OK && result != TAXEL_TIMEOUT) {
             fprintf(stderr, "display: a message was not usable: %s\n", taxel_result_name(result));
         }
@@ -134,9 +151,12 @@ int main(int argc, char **argv)
         if (fd < 0) {
             perror(argv[1]);
         } else {
-            enum taxel_result result = follow(fd, levels);
+            int refused = 0;
+            enum taxel_result result = follow(fd, levels, &refused);
             close(fd);
-            let_go(levels, stop ? "stopped" : taxel_result_name(result));
+            let_go(levels, stop ? "stopped" : refused ? "refused" : taxel_result_name(result));
+            if (refused)
+                return 1;
             if (result == TAXEL_MAJOR_VERSION) {
                 fprintf(stderr, "display: taxeld speaks another version; update this driver\n");
                 return 1;

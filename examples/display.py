@@ -50,8 +50,12 @@ class Display:
             drive(levels, why)
 
 
+class Refused(Exception):
+    """The daemon cannot give such images. Its own, which it goes on to send, are not of this display."""
+
+
 def follow(reader: taxel_reader.Reader, display: Display) -> None:
-    """Shows images until the connection ends, which raises an OSError."""
+    """Shows images until the connection ends, which raises an OSError, or the daemon refuses to make them."""
     reader.subscribe(profile={"levels": LEVELS, "actuators": ACTUATORS})
     last = time.monotonic()
     while True:
@@ -64,10 +68,14 @@ def follow(reader: taxel_reader.Reader, display: Display) -> None:
             message = None
         if isinstance(message, taxel_reader.Image):
             # The first may be from before the daemon has heard of LEVELS.
-            display.show({a.id: min(a.level, LEVELS) for a in message.actuators}, "image")
+            own = [a for a in message.actuators if a.id < ACTUATORS]
+            display.show({a.id: min(a.level, LEVELS) for a in own}, "image")
             last = time.monotonic()
         elif isinstance(message, taxel_reader.Text) and message.header.type == taxel_reader.EVENT:
-            print(f"taxeld: {message.json().get('message')}", file=sys.stderr)
+            event = message.json()
+            if event.get("event") == "refused":
+                raise Refused(event.get("message"))
+            print(f"taxeld: {event.get('message')}", file=sys.stderr)
         # Not by the time-out alone: messages that are not images must not hold the display.
         if time.monotonic() - last >= DEAD_MAN_S:
             display.show({}, "no image")
@@ -100,7 +108,7 @@ def main() -> int:
             drive({}, "closed")
             display.levels = {}
             time.sleep(RECONNECT_S)
-    except taxel_reader.DecodeError as error:
+    except (taxel_reader.DecodeError, Refused) as error:
         print(f"display: {error}", file=sys.stderr)
         return 1
     finally:

@@ -17,7 +17,7 @@ use std::sync::atomic::{AtomicBool, Ordering};
 use std::thread::sleep;
 use std::time::{Duration, Instant};
 use taxel_hand::Profile;
-use taxel_wire::{DecodeError, ReadError, Received, Subscribe, Subscriber};
+use taxel_wire::{DecodeError, EventKind, ReadError, Received, Subscribe, Subscriber};
 
 /// Of force, and actuators, of your display.
 const LEVELS: u16 = 8;
@@ -59,8 +59,9 @@ impl Display {
     }
 }
 
-/// Shows images until the connection ends, or the driver is told to stop.
-fn follow(subscriber: &mut Subscriber, display: &mut Display, stop: &AtomicBool) -> Result<(), ReadError> {
+/// Shows images until the connection ends, or the driver is told to stop; false if the daemon cannot give such images. Its own,
+/// which it goes on to send, are not of this display.
+fn follow(subscriber: &mut Subscriber, display: &mut Display, stop: &AtomicBool) -> Result<bool, ReadError> {
     let profile = Profile {
         levels: LEVELS,
         actuators: ACTUATORS,
@@ -75,11 +76,16 @@ fn follow(subscriber: &mut Subscriber, display: &mut Display, stop: &AtomicBool)
         match subscriber.next_timeout(Duration::from_millis(20)) {
             Ok(Some(Received::Image(_, image))) => {
                 // The first may be from before the daemon has heard of LEVELS.
-                let levels = image.actuators().map(|a| (a.id, a.level.min(LEVELS)));
-                display.show(levels.collect(), "image");
+                let own = image.actuators().filter(|a| a.id < ACTUATORS);
+                display.show(own.map(|a| (a.id, a.level.min(LEVELS))).collect(), "image");
                 last = Instant::now();
             }
-            Ok(Some(Received::Event(_, event))) => eprintln!("taxeld: {}", event.message),
+            Ok(Some(Received::Event(_, event))) => {
+                eprintln!("taxeld: {}", event.message);
+                if event.event == EventKind::Refused {
+                    return Ok(false);
+                }
+            }
             Ok(_) => {}
             Err(error) if ends(&error) => return Err(error),
             Err(error) => eprintln!("display: a message was not usable: {error}"),
@@ -89,7 +95,7 @@ fn follow(subscriber: &mut Subscriber, display: &mut Display, stop: &AtomicBool)
             display.show(Levels::new(), "no image");
         }
     }
-    Ok(())
+    Ok(true)
 }
 
 /// Whether nothing more can be read after this error.
@@ -117,7 +123,14 @@ fn main() -> ExitCode {
         let result = Subscriber::connect(&path)
             .and_then(|mut subscriber| follow(&mut subscriber, &mut display, &stop));
         display.levels.clear();
-        let Err(error) = result else { break };
+        let error = match result {
+            Ok(true) => break,
+            Ok(false) => {
+                drive(&display.levels, "refused");
+                return ExitCode::FAILURE;
+            }
+            Err(error) => error,
+        };
         drive(&display.levels, "closed");
         eprintln!("display: {error}");
         if is_other_version(&error) {

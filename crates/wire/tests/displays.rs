@@ -108,6 +108,45 @@ fn behaves(daemon: &FakeDaemon, mut driver: Driver, signal: &str) {
     assert!(driver.child.wait().unwrap().success());
 }
 
+/// Lets go and ends when its profile is refused: the images that go on to come are the daemon's own.
+fn ends_where_it_is_refused(program: impl Fn() -> Command, last: &str) {
+    let daemon = FakeDaemon::new();
+    let mut program = program();
+    let mut driver = Driver::start({
+        program.arg(daemon.path());
+        program
+    });
+    let client = daemon.accept();
+    client.receive();
+    // Of 16 actuators there is no 16.
+    client.send(&image(1, &[(3, 2), (16, 5)]));
+    assert_eq!(driver.line(), "image: 3=2");
+    client.send(&Event::new(EventKind::Refused, "3 profiles are in use").to_packet(1, 0));
+    let mut lines = String::new();
+    driver.lines.read_to_string(&mut lines).unwrap();
+    let lines: Vec<&str> = lines.lines().filter(|line| *line != "no image: clear").collect();
+    assert_eq!(lines, [last]);
+    assert_eq!(driver.child.wait().unwrap().code(), Some(1));
+}
+
+#[test]
+fn displays_whose_profile_is_refused_let_go_and_end() {
+    ends_where_it_is_refused(in_rust, "refused: clear");
+    if let Some((dir, _)) = in_c("../../examples/display.c") {
+        ends_where_it_is_refused(|| Command::new(dir.path().join("display")), "refused: clear");
+    }
+    if python().is_none() {
+        println!("SKIPPED: no python3 on this machine; examples/display.py was NOT run");
+        return;
+    }
+    let in_python = || {
+        let mut python = python().unwrap();
+        python.arg(here("../../examples/display.py"));
+        python
+    };
+    ends_where_it_is_refused(in_python, "stopped: clear");
+}
+
 fn python() -> Option<Command> {
     let works = Command::new("python3")
         .arg("--version")
