@@ -5,14 +5,15 @@ import os
 import random
 import socket
 import subprocess
+import tomllib
 
 import numpy as np
 import pytest
 import taxel_reader
 from can.interfaces.udp_multicast.utils import pack_message
 from harness.beside import Beside
-from harness.bus import GROUP
-from harness.daemon import Daemon, binary, die_with_parent, eventually
+from harness.bus import GROUP, MulticastBuses
+from harness.daemon import HANGS_AFTER_S, Daemon, binary, die_with_parent, eventually
 from harness.hand import Hand
 from harness.lockstep import next_image
 from harness.touches import Touches
@@ -204,3 +205,31 @@ def test_a_device_that_is_stated_is_looked_at_before_anything_is_pressed(buses, 
     setup = Setup(folder, *buses.sources, *options)
     status, _ = setup.end()
     assert status == 1 and "/dev/nosuch" in setup.said and "Press" not in setup.said, setup.said
+
+
+def hub_text(bus, address, taxels):
+    """A layout of a CySkin hub with a module of so many taxels for each number."""
+    text = f'name = "hub"\nbuses = ["{bus}"]\nimage = {{ width = 11, height = {len(taxels)} }}\n'
+    text += f'[[cyskin.hub]]\nname = "mine"\nbus = "{bus}"\naddress = {address}\n'
+    for row, count in enumerate(taxels):
+        text += f'[[module]]\nname = "m{row}"\npart = "p"\nbus = "{bus}"\nhub = "mine"\nboard = {row}\n'
+        text += f'protocol = "cyskin"\nat = [0, {row}]\norder = [{list(range(1, count + 1))}]\n'
+    return text
+
+
+def test_modules_of_fewer_taxels_than_their_hub_sends_are_placed_on_the_hub_that_is_there(folder, play):
+    there, wanted = folder / "there.toml", folder / "wanted.toml"
+    there.write_text(hub_text("can0", 0x21, [11, 11]))
+    wanted.write_text(hub_text("palm", 0x33, [7, 5]))
+    with MulticastBuses(1) as buses:
+        play("idle", buses.sources, "--layout", there, "--autostart")
+        assert buses.buses[0].recv(HANGS_AFTER_S) is not None
+        options = ["--layout", wanted, "--touch", "--joints", "none", "--out", "left.toml"]
+        answers = "can0/0x21/1\ncan0/0x21/0\nhand.toml\n"
+        setup = Setup(folder, *buses.sources, *options, answers=answers)
+        status, _ = setup.end()
+    assert status == 0, setup.said
+    assert "4 taxels of can0 hub 0x21 module 1, 6 taxels of can0 hub 0x21 module 0" in " ".join(setup.said.split())
+    written = tomllib.loads((folder / "hand.toml").read_text())
+    assert written["cyskin"]["hub"] == [{"name": "can0 hub 0x21", "bus": "can0", "address": 0x21}]
+    assert [(m["name"], m["board"]) for m in written["module"]] == [("m0", 1), ("m1", 0)]

@@ -70,6 +70,6 @@ pub use condition::{
 // Recognition of unknown buses
 pub use protocol::cyskin::recognise::CyskinGuess;
 pub use protocol::recognised::{RecognisedBoard, RecognisedBus};
-pub use recognise::{Recogniser, Recognition};
+pub use recognise::{Fit, Recogniser, Recognition};
 
 // Settings

@@ -223,7 +223,8 @@ fn tell(scan: &Scan<'_>, buses: &[Bus], found: &Recognition, asked: Option<&Aske
             .zip(&found.buses)
             .map(|(bus, found)| json(bus, found))
             .collect();
-        let object = json!({ "buses": buses, "builtin": found.builtin(), "layout": text });
+        let object =
+            json!({ "buses": buses, "builtin": found.builtin().map(|(name, _)| name), "layout": text });
         stdout::print(&(as_named(object.to_string()) + "\n"))?;
         return Ok(text.is_some());
     }
@@ -237,8 +238,11 @@ fn tell(scan: &Scan<'_>, buses: &[Bus], found: &Recognition, asked: Option<&Aske
         said.extend(words(bus, found, scan.seconds, &unheard));
         said.extend(asked.and_then(|asked| asked.kept_quiet(number, bus, found)));
     }
-    if let Some(builtin) = found.builtin() {
-        said.push(format!("These are the boards of the built-in hand {builtin}."));
+    if let Some((builtin, silent)) = found.builtin() {
+        let but = but_silent(silent);
+        said.push(format!(
+            "These are the boards of the built-in hand {builtin}{but}."
+        ));
     }
     match (&text, scan.out) {
         (None, _) => said.push("No board was recognised, so there is no layout to propose.".into()),
@@ -267,6 +271,14 @@ fn sources(buses: &[Bus], found: &Recognition) -> String {
         .filter(|(_, found)| !found.boards.is_empty());
     let sources: Vec<String> = with_boards.map(|(bus, _)| shell_word(&bus.source)).collect();
     sources.join(" ")
+}
+
+/// What goes on behind the name of a hand of which so many taxels are silent.
+pub(crate) fn but_silent(taxels: usize) -> String {
+    match taxels {
+        0 => String::new(),
+        taxels => format!(", but for {} that no frame was heard of", plural(taxels, "taxel")),
+    }
 }
 
 /// What was found on a bus, a sentence each; `unheard` goes on where no board was heard on a live one.

@@ -6,7 +6,7 @@ use crate::doctor::scan::Bus;
 use anyhow::{Context, ensure};
 use std::collections::BTreeMap;
 use taxel_can::SourceAddress;
-use taxel_skin::{Layout, Recognition};
+use taxel_skin::{CyskinHub, Fit, Layout, RecognisedBoard, Recognition};
 
 /// The boards that were heard, as a layout whose places are guesses.
 #[derive(Debug)]
@@ -16,6 +16,8 @@ pub(super) struct Heard {
     pub(super) text: String,
     /// Where each bus of the layout is.
     pub(super) sources: Vec<SourceAddress>,
+    /// What was recognised on these buses: the boards are those of the layout's modules, one behind the other.
+    found: Recognition,
 }
 
 impl Heard {
@@ -32,7 +34,11 @@ impl Heard {
         Ok(Some(Self {
             layout: Layout::parse(&text, "the boards that were heard")?,
             text,
-            sources: with_boards.map(|(bus, _)| bus.source.clone()).collect(),
+            sources: with_boards.clone().map(|(bus, _)| bus.source.clone()).collect(),
+            found: Recognition {
+                buses: with_boards.map(|(_, found)| found.clone()).collect(),
+                cyskin: found.cyskin,
+            },
         }))
     }
 
@@ -49,21 +55,45 @@ impl Heard {
         }
     }
 
-    /// The board that a user calls `BUS/BOARD`, such as `can0/3`.
-    pub(super) fn named(&self, text: &str) -> Option<usize> {
-        let (bus, board) = text.rsplit_once('/')?;
-        let board: u8 = board.trim().parse().ok()?;
-        let mut of_bus = self.layout.wiring.iter().enumerate();
-        let (module, _) =
-            of_bus.find(|(_, w)| self.layout.buses[usize::from(w.bus)] == bus.trim() && w.board == board)?;
-        Some(module)
+    /// What a user calls a board: `can0/3`, or `can0/0x21/3` on a hub.
+    pub(super) fn address(&self, module: usize) -> String {
+        let wiring = &self.layout.wiring[module];
+        let bus = &self.layout.buses[usize::from(wiring.bus)];
+        match self.recognised(module).hub {
+            Some(hub) => format!("{bus}/{hub:#x}/{}", wiring.board),
+            None => format!("{bus}/{}", wiring.board),
+        }
     }
 
-    /// Whether the board of this module can be that of a module of another layout: it has the same taxels.
+    /// The board that a user calls so.
+    pub(super) fn named(&self, text: &str) -> Option<usize> {
+        let text: String = text.split_whitespace().collect();
+        (0..self.layout.modules.len()).find(|module| self.address(*module).eq_ignore_ascii_case(&text))
+    }
+
+    fn recognised(&self, module: usize) -> &RecognisedBoard {
+        let mut boards = self.found.boards();
+        boards
+            .nth(module)
+            .expect("a board for each module that was heard")
+    }
+
+    /// How a board fits a module of another layout.
+    pub(super) fn fit(&self, module: usize, hand: &Layout, place: usize) -> Option<Fit> {
+        self.recognised(module).fit(hand, place)
+    }
+
+    /// Whether the board that is pressed can be that of a module of another layout: it fits, and is not taxel by taxel that of
+    /// another module. A hub says nothing of that, since it sends as many values for each of its modules.
     pub(super) fn can_be(&self, module: usize, hand: &Layout, place: usize) -> bool {
-        let [own, other] = [(&self.layout, module), (hand, place)]
-            .map(|(layout, module)| layout.k_of(&layout.modules[module]));
-        own == other && self.layout.wiring[module].icub.is_some() == hand.wiring[place].icub.is_some()
+        let is_whole = |fit: &Fit| fit.unread == 0 && fit.silent.is_empty();
+        let is_others = || {
+            let mut places = 0..hand.modules.len();
+            self.layout.wiring[module].hub.is_none()
+                && places.any(|other| self.fit(module, hand, other).as_ref().is_some_and(is_whole))
+        };
+        let fit = self.fit(module, hand, place);
+        fit.is_some_and(|fit| is_whole(&fit) || !is_others())
     }
 
     /// Why a board cannot be that of a module of another layout.
@@ -82,37 +112,57 @@ impl Heard {
         }
     }
 
-    /// Whether every module of this layout can have a board of its own, and every board a module.
-    pub(super) fn fits(&self, hand: &Layout) -> bool {
-        let shape = |layout: &Layout| {
-            let mut taxels: Vec<Vec<u16>> = layout.modules.iter().map(|m| layout.k_of(m).to_vec()).collect();
-            taxels.sort();
-            taxels
-        };
+    /// Where every module of this layout can have a board of its own, every board a module, and each taxel that is sent is in
+    /// it: how many taxels are silent.
+    pub(super) fn fits(&self, hand: &Layout) -> Option<usize> {
         let is_wired = !hand.buses.is_empty() && hand.wiring.iter().all(|w| w.hub.is_none());
-        is_wired && shape(hand) == shape(&self.layout)
+        if !is_wired || hand.modules.len() != self.layout.modules.len() {
+            return None;
+        }
+        let mut left: Vec<usize> = (0..hand.modules.len()).collect();
+        let mut silent = 0;
+        for board in 0..self.layout.modules.len() {
+            let fits = left.iter().enumerate().filter_map(|(at, place)| {
+                let fit = self.fit(board, hand, *place).filter(|fit| fit.unread == 0)?;
+                Some((fit.silent.len(), at))
+            });
+            let (least, at) = fits.min()?;
+            left.remove(at);
+            silent += least;
+        }
+        Some(silent)
     }
 
-    /// For each bus of this layout the bus that was heard with the very same boards, where each has one.
-    pub(super) fn same_buses(&self, hand: &Layout) -> Option<Vec<usize>> {
-        let boards = |layout: &Layout, bus: usize| {
-            let of_bus = layout.wiring.iter().filter(|w| usize::from(w.bus) == bus);
-            let mut boards: Vec<(&str, u8)> = of_bus.map(|w| (w.protocol.name(), w.board)).collect();
-            boards.sort_unstable();
-            boards
-        };
-        let mut left: Vec<usize> = (0..self.layout.buses.len()).collect();
-        let mut same = Vec::new();
-        for bus in 0..hand.buses.len() {
-            let wanted = boards(hand, bus);
-            // A bus of the same name first: two may have the same boards.
-            left.sort_by_key(|other| self.layout.buses[*other] != hand.buses[bus]);
-            let at = left
-                .iter()
-                .position(|other| boards(&self.layout, *other) == wanted)?;
-            same.push(left.remove(at));
+    /// For each bus of this layout the bus that was heard with its boards at their addresses, where each has one.
+    pub(super) fn wired_as(&self, hand: &Layout) -> Option<Vec<usize>> {
+        self.found.wired_as(hand, &self.layout.buses)
+    }
+
+    /// The boards of the modules of a layout on such buses.
+    pub(super) fn places(&self, hand: &Layout, buses: &[usize]) -> Vec<Option<usize>> {
+        let modules = 0..hand.modules.len();
+        modules
+            .map(|module| self.found.board_of(hand, module, buses))
+            .collect()
+    }
+
+    /// Why the boards are not wired as this layout has them, by its first module that has none at its address.
+    pub(super) fn miswired(&self, hand: &Layout) -> String {
+        for (place, module) in hand.modules.iter().enumerate() {
+            let boards = || (0..self.layout.modules.len()).filter(|b| self.recognised(*b).is_at(hand, place));
+            if boards().any(|board| self.fit(board, hand, place).is_some()) {
+                continue;
+            }
+            return match boards().next() {
+                Some(board) => format!(
+                    "at the address of the {} is {}",
+                    module.name,
+                    self.misfit(board, hand, place)
+                ),
+                None => format!("no board was heard at the address of the {}", module.name),
+            };
         }
-        left.is_empty().then_some(same)
+        "its boards were heard on other buses".into()
     }
 
     /// The file of `hand` with these boards for its modules; a module without one is left out.
@@ -132,8 +182,15 @@ impl Heard {
             let wiring = &self.layout.wiring[*place];
             text.set(module, "bus", &buses[usize::from(wiring.bus)]);
             text.set(module, "board", &wiring.board.to_string());
-            text.set(module, "protocol", &quoted(wiring.protocol.name()));
+            let or_protocol = self.recognised(*place).or_protocol;
+            if or_protocol != Some(hand.wiring[module].protocol) {
+                text.set(module, "protocol", &quoted(wiring.protocol.name()));
+            }
+            if let Some(hub) = self.hub(*place) {
+                text.set(module, "hub", &quoted(&hub.name));
+            }
         }
+        self.set_hubs(&mut text, places);
         let mut is_placed = places.iter().map(Option::is_some);
         text.modules.retain(|_| is_placed.next().unwrap_or(false));
         let text = text.write(&format!(
@@ -142,6 +199,32 @@ impl Heard {
         ));
         self.check(&text, places.iter().flatten().copied())?;
         Ok(text)
+    }
+
+    /// The hub of the board of a module.
+    fn hub(&self, module: usize) -> Option<&CyskinHub> {
+        let hub = self.layout.wiring[module].hub?;
+        self.layout.cyskin.as_ref()?.hubs.get(usize::from(hub))
+    }
+
+    /// Writes the hubs of these boards in place of the others'.
+    fn set_hubs(&self, text: &mut LayoutText, places: &[Option<usize>]) {
+        text.remove_tables(HUB);
+        let mut hubs: Vec<&CyskinHub> = places
+            .iter()
+            .flatten()
+            .filter_map(|place| self.hub(*place))
+            .collect();
+        hubs.sort_by_key(|hub| (hub.bus, hub.address));
+        hubs.dedup();
+        for hub in hubs {
+            let bus = quoted(&self.layout.buses[usize::from(hub.bus)]);
+            text.tables.push(format!(
+                "[[{HUB}]]\nname = {}\nbus = {bus}\naddress = {:#x}\n",
+                quoted(&hub.name),
+                hub.address
+            ));
+        }
     }
 
     /// A file of modules that were named: each part of the hand is a column, its modules one below the other as they
@@ -196,22 +279,35 @@ impl Heard {
 
     /// Whether a file reads back as a layout with these boards, one behind the other.
     fn check(&self, text: &str, boards: impl Iterator<Item = usize>) -> anyhow::Result<()> {
-        let written = Layout::parse(text, "the layout")?;
-        let wired = |layout: &Layout, module: usize| {
-            let wiring = &layout.wiring[module];
-            let bus = layout.buses.get(usize::from(wiring.bus)).cloned();
-            (bus, wiring.board, wiring.protocol, wiring.hub)
-        };
-        let wanted: Vec<_> = boards.map(|board| wired(&self.layout, board)).collect();
-        let got: Vec<_> = (0..written.modules.len()).map(|m| wired(&written, m)).collect();
+        let written = Layout::parse(text, "the layout").context(UNREPLACED)?;
+        for (place, board) in boards.enumerate() {
+            let bus_of = |layout: &Layout, module: usize| {
+                let bus = usize::from(layout.wiring.get(module)?.bus);
+                layout.buses.get(bus).cloned()
+            };
+            let is_its = bus_of(&self.layout, board) == bus_of(&written, place);
+            ensure!(
+                is_its && self.recognised(board).is_at(&written, place),
+                UNREPLACED
+            );
+        }
+        let of_packets = |layout: &Layout| layout.cyskin.as_ref().map(|c| (c.ids, c.sensors_per_module));
+        let (heard, said) = (of_packets(&self.layout), of_packets(&written));
         ensure!(
-            wanted == got,
-            "the layout is written in a way in which its boards cannot be replaced: write `buses = [...]` on one line, and \
-             each key of a module on its own"
+            said.is_none() || heard == said,
+            "[cyskin] of the layout has other `ids` or `sensors_per_module` than the packets that were heard, under which its \
+             modules were counted: `taxel doctor --scan` proposes a table of them"
         );
         Ok(())
     }
 }
+
+/// The table of a hub.
+const HUB: &str = "cyskin.hub";
+
+const UNREPLACED: &str = "\
+the layout is written in a way in which its boards cannot be replaced: write `buses = [...]` on one line, each key of a \
+module on its own, and each hub as a table [[cyskin.hub]]";
 
 const UNCHECKED: &str = "\
 NOT CHECKED: `order` and `rotation`, how the taxels lie within a module. Press one corner after the other with
@@ -232,19 +328,48 @@ pub(super) fn resolve(name: &str) -> anyhow::Result<(Layout, String)> {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use taxel_skin::RecognisedBus;
 
     /// The boards of a built-in hand, as if they had been heard.
     fn heard(name: &str) -> Heard {
-        let layout = Layout::builtin(name).unwrap();
+        heard_of(Layout::builtin_text(name).unwrap())
+    }
+
+    /// The same of the hand of a file.
+    fn heard_of(text: &str) -> Heard {
+        let layout = Layout::parse(text, "heard.toml").unwrap();
+        let sources = layout
+            .buses
+            .iter()
+            .map(|bus| format!("can:{bus}").parse().unwrap());
         Heard {
-            text: Layout::builtin_text(name).unwrap().into(),
-            sources: layout
-                .buses
-                .iter()
-                .map(|bus| format!("can:{bus}").parse().unwrap())
-                .collect(),
+            text: text.into(),
+            sources: sources.collect(),
+            found: recognition(&layout),
             layout,
         }
+    }
+
+    /// The boards of a layout, each of whose taxels was heard.
+    fn recognition(layout: &Layout) -> Recognition {
+        let mut found = Recognition {
+            buses: vec![RecognisedBus::default(); layout.buses.len()],
+            cyskin: None,
+        };
+        for (_, module, wiring) in layout.boards() {
+            let hub = wiring
+                .hub
+                .map(|hub| layout.cyskin.as_ref().unwrap().hubs[usize::from(hub)].address);
+            found.buses[usize::from(wiring.bus)].boards.push(RecognisedBoard {
+                protocol: wiring.protocol,
+                or_protocol: None,
+                board: wiring.board,
+                hub,
+                taxels: layout.k_of(module).iter().map(|k| *k as u8).collect(),
+                rate_hz: None,
+            });
+        }
+        found
     }
 
     #[test]
@@ -301,15 +426,72 @@ mod tests {
     fn a_hand_fits_by_its_taxels_and_is_the_same_by_its_addresses() {
         let heard = heard("allegro-uskin-15");
         let fitting: Vec<&str> = Layout::builtin_names()
-            .filter(|name| heard.fits(&Layout::builtin(name).unwrap()))
+            .filter(|name| heard.fits(&Layout::builtin(name).unwrap()) == Some(0))
             .collect();
         assert_eq!(fitting, ["allegro-uskin-15"]);
-        assert_eq!(heard.same_buses(&heard.layout), Some(vec![0, 1]));
+        assert_eq!(heard.wired_as(&heard.layout), Some(vec![0, 1]));
         let (bus, board) = ("can1", 5);
         assert_eq!(heard.named(&format!("{bus}/{board}")), Some(13));
         assert_eq!(heard.board(13), "can1 board 5");
         for text in ["can1", "can2/5", "can1/9", "can1/x"] {
             assert_eq!(heard.named(text), None, "{text}");
+        }
+    }
+
+    /// A hub with three modules of so many taxels each, as its layout file says it: the table of the hub stands last.
+    fn hub(bus: &str, address: u8, taxels: [u8; 3]) -> String {
+        let mut text = format!("name = \"h\"\nimage = {{ width = 11, height = 3 }}\nbuses = [\"{bus}\"]\n");
+        for (module, taxels) in taxels.into_iter().enumerate() {
+            let order: Vec<u8> = (1..=taxels).collect();
+            text += &format!(
+                "\n[[module]]\nname = \"m{module}\"\npart = \"p\"\nbus = \"{bus}\"\nboard = {module}\nprotocol = \"cyskin\"\n\
+                 hub = \"palm's\"\nat = [0, {module}]\norder = [{order:?}]\n"
+            );
+        }
+        text + &format!(
+            "\n[[cyskin.hub]]\nname = \"palm's\"\nbus = \"{bus}\"\naddress = {address}\n\n[cyskin]\nperiod_ms = 20\n"
+        )
+    }
+
+    #[test]
+    fn modules_of_hubs_get_the_hubs_that_were_heard_and_keep_how_they_are_driven() {
+        let heard = heard_of(&hub("can0", 0x21, [11; 3]).replace("palm's", "can0 hub 0x21"));
+        let text = hub("skin", 0x33, [7, 5, 3]);
+        let hand = Layout::parse(&text, "hub.toml").unwrap();
+        assert!((0..9).all(|n| heard.can_be(n / 3, &hand, n % 3)));
+        let places = [Some(2), None, Some(0)];
+        let text = heard.placed(&hand, &text, &places, "mine").unwrap();
+        let written = Layout::parse(&text, "mine.toml").unwrap();
+        assert_eq!(written.buses, ["can0"]);
+        assert_eq!(
+            written.modules.iter().map(|m| m.taxels).collect::<Vec<_>>(),
+            [7, 3]
+        );
+        assert_eq!(written.wiring.iter().map(|w| w.board).collect::<Vec<_>>(), [2, 0]);
+        let setup = written.cyskin.unwrap();
+        assert_eq!(
+            (&setup.hubs, setup.period_ms),
+            (&heard.layout.cyskin.as_ref().unwrap().hubs, 20)
+        );
+        assert_eq!(heard.named("can0/0X21/2"), Some(2));
+        assert_eq!(heard.named("can0/2"), None);
+        // Modules are counted otherwise there.
+        let other = hub("skin", 0x33, [7, 5, 3]) + "sensors_per_module = 8\n";
+        let error = heard.placed(&hand, &other, &places, "mine").unwrap_err();
+        assert!(error.to_string().contains("sensors_per_module"), "{error}");
+    }
+
+    #[test]
+    fn the_board_of_another_module_is_not_taken_for_one_of_which_it_has_all_taxels() {
+        let heard = heard("allegro-xela-18");
+        let hand = &heard.layout;
+        let taxels = |module: usize| hand.modules[module].taxels;
+        for (board, place) in (0..18).flat_map(|board| (0..18).map(move |place| (board, place))) {
+            assert_eq!(
+                heard.can_be(board, hand, place),
+                taxels(board) == taxels(place),
+                "{board} {place}"
+            );
         }
     }
 }

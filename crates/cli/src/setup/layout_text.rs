@@ -3,17 +3,18 @@
 use anyhow::ensure;
 use std::fmt::Write;
 
-const MODULE: &str = "[[module]]";
+const MODULE: &str = "module";
 
-/// A layout file: what stands above its modules, and the text of each.
+/// A layout file: the keys at its top, its tables, and the text of each module.
 #[derive(Debug, Clone)]
 pub(super) struct LayoutText {
-    pub(super) head: String,
+    head: String,
+    pub(super) tables: Vec<String>,
     pub(super) modules: Vec<String>,
 }
 
 impl LayoutText {
-    /// Takes apart a file with `modules` tables `[[module]]`; comments directly above one belong to it, those at the top
+    /// Takes apart a file with `modules` tables `[[module]]`; comments directly above a table belong to it, those at the top
     /// of the file are left out.
     pub(super) fn parse(text: &str, modules: usize) -> anyhow::Result<Self> {
         let mut parts = vec![String::new()];
@@ -23,7 +24,7 @@ impl LayoutText {
                 comment += &format!("{line}\n");
                 continue;
             }
-            if line.trim() == MODULE {
+            if table(line).is_some_and(|name| !name.starts_with("module.")) {
                 parts.push(String::new());
             } else if line.trim().is_empty() {
                 comment.clear();
@@ -34,9 +35,11 @@ impl LayoutText {
             *part += &format!("{line}\n");
         }
         let head = parts.remove(0);
+        let (parts, tables): (Vec<String>, Vec<String>) =
+            parts.into_iter().partition(|part| is_table(part, MODULE));
         ensure!(
             parts.len() == modules,
-            "the layout has {modules} modules and {} tables {MODULE}; write each module as such a table",
+            "the layout has {modules} modules and {} tables [[{MODULE}]]; write each module as such a table",
             parts.len()
         );
         let first_key = head
@@ -48,10 +51,19 @@ impl LayoutText {
             .skip(first_key)
             .map(|line| format!("{line}\n"))
             .collect();
-        Ok(Self { head, modules: parts })
+        Ok(Self {
+            head,
+            tables,
+            modules: parts,
+        })
     }
 
-    /// Sets a key above the modules.
+    /// Leaves out the tables of this name.
+    pub(super) fn remove_tables(&mut self, name: &str) {
+        self.tables.retain(|part| !is_table(part, name));
+    }
+
+    /// Sets a key at the top.
     pub(super) fn set_head(&mut self, key: &str, value: &str) {
         set(&mut self.head, key, value);
     }
@@ -68,32 +80,43 @@ impl LayoutText {
             let _ = writeln!(text, "# {line}");
         }
         text += &self.head;
-        for module in &self.modules {
+        for part in self.tables.iter().chain(&self.modules) {
             text += "\n";
-            text += module;
+            text += part;
         }
         text
     }
 }
 
-/// Writes `key = value` where the key stands, or as the last line.
+/// The name of the table that begins with this line.
+fn table(line: &str) -> Option<&str> {
+    let name = line.trim_start().strip_prefix('[')?;
+    let (name, _) = name.trim_start_matches('[').split_once(']')?;
+    let name = name.trim();
+    // Rows of numbers and of texts begin so, too.
+    name.starts_with(|c: char| c.is_ascii_alphabetic())
+        .then_some(name)
+}
+
+fn is_table(part: &str, name: &str) -> bool {
+    part.lines().find_map(table) == Some(name)
+}
+
+/// Writes `key = value` where the key stands, or behind the keys of the part, before what tables there are in it.
 fn set(part: &mut String, key: &str, value: &str) {
     let is_key = |line: &str| {
         let rest = line.strip_prefix(key);
         rest.is_some_and(|rest| rest.trim_start().starts_with('='))
     };
-    let line = format!("{key} = {value}\n");
-    let has_key = part.lines().any(is_key);
-    *part = part
-        .lines()
-        .map(|old| match is_key(old) {
-            true => line.clone(),
-            false => format!("{old}\n"),
-        })
-        .collect();
-    if !has_key {
-        *part += &line;
+    let mut lines: Vec<String> = part.lines().map(str::to_owned).collect();
+    let inner = (lines.iter()).position(|line| table(line).is_some_and(|name| name.starts_with("module.")));
+    let own = inner.unwrap_or(lines.len());
+    let line = format!("{key} = {value}");
+    match lines[..own].iter().position(|line| is_key(line)) {
+        Some(at) => lines[at] = line,
+        None => lines.insert(own, line),
     }
+    *part = lines.iter().map(|line| format!("{line}\n")).collect();
 }
 
 /// A text as a TOML string.
@@ -126,5 +149,23 @@ mod tests {
     fn modules_that_are_written_otherwise_are_refused() {
         let error = LayoutText::parse("module = [{ name = \"m\" }]\n", 1).unwrap_err();
         assert!(error.to_string().contains("[[module]]"), "{error}");
+    }
+
+    #[test]
+    fn keys_of_other_tables_stay_as_they_are() {
+        let text = "name = \"n\"\n\n# Its hub.\n[[cyskin.hub]]\nname = \"h\"\n\n[[module]]\nname = \"m\"\norder = [\n[0, -1],\n[1, 2]]\n\
+                    [module.icub]\nboard = 0\n\n[cyskin]\nname = \"c\"\n";
+        let mut text = LayoutText::parse(text, 1).unwrap();
+        text.set_head("name", "\"x\"");
+        text.set_head("buses", "[]");
+        text.set(0, "board", "7");
+        let module =
+            "\n[[module]]\nname = \"m\"\norder = [\n[0, -1],\n[1, 2]]\nboard = 7\n[module.icub]\nboard = 0\n";
+        let top = "name = \"x\"\nbuses = []\n";
+        let hub = "\n# Its hub.\n[[cyskin.hub]]\nname = \"h\"\n";
+        let cyskin = "\n[cyskin]\nname = \"c\"\n";
+        assert_eq!(text.write(""), format!("{top}{hub}{cyskin}{module}"));
+        text.remove_tables("cyskin.hub");
+        assert_eq!(text.write(""), format!("{top}{cyskin}{module}"));
     }
 }

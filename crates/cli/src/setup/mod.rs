@@ -26,6 +26,7 @@ use place::Pressing;
 use std::path::{Path, PathBuf};
 use std::time::Duration;
 use taxel_can::{AddressError, SourceAddress};
+use taxel_hand::plural;
 use taxel_playback::interrupt::Interrupt;
 use taxel_skin::{Layout, Recognition};
 use taxeld::stdout;
@@ -344,7 +345,9 @@ fn choose(
         return hand_of(text, heard);
     }
     let (template, text) = hand::resolve(&layout)?;
-    let same = heard.same_buses(&template);
+    let wired = heard
+        .wired_as(&template)
+        .map(|buses| (heard.places(&template, &buses), buses));
     let as_it_is = |buses: &[usize]| Hand {
         layout: template.clone(),
         origin: match Layout::builtin_text(&layout) {
@@ -362,59 +365,57 @@ fn choose(
             heard.misfit(0, &template, 0)
         );
     }
-    if !is_one && press(!args.yes)? {
-        let places = begin()?.place(&template)?;
-        tell_left_out(heard, &template, &places);
-        if !places.iter().any(Option::is_some) {
-            bail!("no module has a board, so there is no hand; nothing was written");
-        }
-        return match same.filter(|buses| is_as_wired(heard, &template, &places, buses)) {
-            Some(buses) => Ok(as_it_is(&buses)),
-            None => hand_of(heard.placed(&template, &text, &places, name)?, heard),
-        };
-    }
-    match same {
-        Some(buses) => Ok(as_it_is(&buses)),
-        None if is_one => hand_of(heard.placed(&template, &text, &[Some(0)], name)?, heard),
+    let places = match &wired {
+        _ if !is_one && press(!args.yes)? => begin()?.place(&template)?,
+        Some((places, _)) => places.clone(),
+        None if is_one => vec![Some(0)],
         None => bail!(
-            "the boards of {layout} have other addresses than those that were heard: press its modules (--touch), or take the \
-             boards as they are (--layout new)"
+            "the boards of {layout} are wired otherwise than those that were heard: {}. Press its modules (--touch), or take the \
+             boards as they are (--layout new)",
+            heard.miswired(&template)
         ),
+    };
+    tell_fits(heard, &template, &places);
+    if !places.iter().any(Option::is_some) {
+        bail!("no module has a board, so there is no hand; nothing was written");
+    }
+    match wired.filter(|(wired, _)| *wired == places) {
+        Some((_, buses)) => Ok(as_it_is(&buses)),
+        None => hand_of(heard.placed(&template, &text, &places, name)?, heard),
     }
 }
 
 /// Asks which hand it is: a built-in one that the boards fit is proposed.
 fn which_hand(args: &Args, heard: &Heard, answers: &Answers) -> anyhow::Result<String> {
-    let fitting: Vec<(&str, Layout)> = Layout::builtin_names()
+    let fitting: Vec<(usize, &str, Layout)> = Layout::builtin_names()
         .filter_map(|name| Some((name, Layout::builtin(name)?)))
-        .filter(|(_, layout)| heard.fits(layout))
+        .filter_map(|(name, layout)| Some((heard.fits(&layout)?, name, layout)))
         .collect();
-    let is_same = |(_, layout): &&(&str, Layout)| heard.same_buses(layout).is_some();
+    let least = fitting.iter().map(|(silent, ..)| *silent).min();
+    let fitting: Vec<(&str, Layout)> = (fitting.into_iter())
+        .filter(|(silent, ..)| Some(*silent) == least)
+        .map(|(_, name, layout)| (name, layout))
+        .collect();
+    let is_same = |(_, layout): &&(&str, Layout)| heard.wired_as(layout).is_some();
     let proposal = match fitting.iter().find(is_same) {
         Some((name, _)) => name,
         // Without anybody to press its modules, a hand cannot be told from another of as many.
         None if args.yes && !args.touch => NEW,
         None => fitting.first().map_or(NEW, |(name, _)| name),
     };
-    if !fitting.is_empty() {
+    if let Some(silent) = least {
         let names: Vec<&str> = fitting.iter().map(|(name, _)| *name).collect();
-        say(&format!("The boards fit {}.", names.join(" and ")));
+        say(&format!(
+            "The boards fit {}{}.",
+            names.join(" and "),
+            scan::but_silent(silent)
+        ));
     }
     answers.ask("Which hand is it (a layout's name or file, or `new`)", proposal)
 }
 
-/// Every module has the board that the layout gives it.
-fn is_as_wired(heard: &Heard, template: &Layout, places: &[Option<usize>], buses: &[usize]) -> bool {
-    places.iter().zip(&template.wiring).all(|(place, wanted)| {
-        place.is_some_and(|board| {
-            let wiring = &heard.layout.wiring[board];
-            usize::from(wiring.bus) == buses[usize::from(wanted.bus)]
-                && (wiring.board, wiring.protocol) == (wanted.board, wanted.protocol)
-        })
-    })
-}
-
-fn tell_left_out(heard: &Heard, template: &Layout, places: &[Option<usize>]) {
+/// Says what the layout and what was heard do not have in common.
+fn tell_fits(heard: &Heard, template: &Layout, places: &[Option<usize>]) {
     let modules = template
         .modules
         .iter()
@@ -428,6 +429,27 @@ fn tell_left_out(heard: &Heard, template: &Layout, places: &[Option<usize>]) {
     let boards: Vec<String> = boards.map(|board| heard.board(board)).collect();
     if !boards.is_empty() {
         say(&format!("On no module, and not read: {}", boards.join(", ")));
+    }
+    let mut unread = Vec::new();
+    for (place, (module, board)) in template.modules.iter().zip(places).enumerate() {
+        let Some(board) = *board else { continue };
+        let Some(fit) = heard.fit(board, template, place) else {
+            continue;
+        };
+        let (called, name) = (heard.board(board), &module.name);
+        if !fit.silent.is_empty() {
+            let silent: Vec<String> = fit.silent.iter().map(|k| k.to_string()).collect();
+            let [silent, of] = [silent.join(", "), module.taxels.to_string()];
+            say(&format!(
+                "Silent: taxels k = {silent} of the {of} of the {name} ({called})"
+            ));
+        }
+        if fit.unread > 0 {
+            unread.push(format!("{} of {called}", plural(fit.unread, "taxel")));
+        }
+    }
+    if !unread.is_empty() {
+        say(&format!("Not in the layout, and not read: {}", unread.join(", ")));
     }
 }
 

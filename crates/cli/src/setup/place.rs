@@ -288,11 +288,7 @@ impl<'a> Pressing<'a> {
     }
 
     fn boards(&self) -> String {
-        let layout = &self.heard.layout;
-        let boards = layout.wiring.iter().map(|wiring| {
-            let bus = &layout.buses[usize::from(wiring.bus)];
-            format!("{bus}/{}", wiring.board)
-        });
+        let boards = (0..self.heard.layout.modules.len()).map(|module| self.heard.address(module));
         boards.collect::<Vec<_>>().join(", ")
     }
 }

@@ -280,3 +280,171 @@ fn boards_with_a_few_taxels_are_those_of_the_layout_that_is_named() {
     let said = fails(&dir, &setup("two.toml"), 1);
     assert!(said.contains("nobody known"), "{said}");
 }
+
+/// A layout of modules of one part, one below the other: address and `order` of each, and what it has besides.
+fn layout_of(head: &str, module: &str, modules: &[(u8, &str)]) -> String {
+    let mut text =
+        format!("name = \"mine\"\nimage = {{ width = 40, height = 40 }}\nbuses = [\"can0\"]\n{head}");
+    for (place, (board, order)) in modules.iter().enumerate() {
+        text += &format!(
+            "[[module]]\nname = \"m{place}\"\npart = \"p\"\nbus = \"can0\"\nboard = {board}\nat = [0, {}]\n{module}\norder = {order}\n",
+            5 * place
+        );
+    }
+    text
+}
+
+/// A second of such boards.
+fn recording_of(layout: &str) -> TempDir {
+    let dir = TempDir::new().unwrap();
+    fs::write(dir.path().join("real.toml"), layout).unwrap();
+    let sim = [
+        "sim",
+        "roll",
+        "--layout",
+        "real.toml",
+        "--to",
+        "log:hand.log",
+        "--seconds",
+        "1",
+    ];
+    succeeds(&dir, &sim);
+    dir
+}
+
+/// What is said, in one line each, where these boards are set up as this layout; `Err` where they are refused.
+fn set_up_as(dir: &TempDir, layout: &str) -> Result<String, String> {
+    fs::write(dir.path().join("mine.toml"), layout).unwrap();
+    let taxel = taxel(
+        dir,
+        &[
+            "setup",
+            "--yes",
+            "--force",
+            "--layout",
+            "mine.toml",
+            "log:hand.log",
+        ],
+    );
+    let said = texts(&taxel).1.split_whitespace().collect::<Vec<_>>().join(" ");
+    match taxel.status.success() {
+        true => Ok(said),
+        false => Err(said),
+    }
+}
+
+const CYSKIN: &str = "protocol = \"cyskin\"\nhub = \"hub\"";
+const HUB: &str = "[[cyskin.hub]]\nname = \"hub\"\nbus = \"can0\"\naddress = 0x21\n";
+/// Sensor 0 is the temperature.
+const SENSORS: &str = "[[1, 2, 3, 4, 5, 6, 7, 8, 9, 10, 11]]";
+
+#[test]
+fn a_cyskin_hub_is_set_up_as_it_was_heard() {
+    let dir = recording_of(&layout_of(HUB, CYSKIN, &[(0, SENSORS), (1, SENSORS)]));
+    succeeds(&dir, &["setup", "--yes", "log:hand.log"]);
+    let config = taxeld::Config::load(&dir.path().join("taxeld.toml")).unwrap();
+    let hubs = &config.layout.cyskin.as_ref().unwrap().hubs;
+    assert_eq!((hubs[0].name.as_str(), hubs[0].address), ("can0 hub 0x21", 0x21));
+    assert_eq!((config.layout.name.as_str(), config.layout.len()), ("taxeld", 22));
+}
+
+#[test]
+fn a_layout_that_is_named_may_have_fewer_boards_and_taxels_than_those_that_were_heard() {
+    let cyskin = layout_of(HUB, CYSKIN, &[(0, SENSORS), (1, SENSORS)]);
+    let seven = layout_of(HUB, CYSKIN, &[(1, "[[1, 2, 3, 4, 5, 6, 7]]")]);
+    let four_by_six =
+        "[[0, 1, 2, 3, 16, 17], [4, 5, 6, 7, 18, 19], [8, 9, 10, 11, 20, 21], [12, 13, 14, 15, 22, 23]]";
+    let four_by_five = "[[0, 1, 2, 3, 16], [4, 5, 6, 7, 18], [8, 9, 10, 11, 20], [12, 13, 14, 15, 22]]";
+    let l2 = |modules| layout_of("", "protocol = \"uskin-l2\"", modules);
+    // Two of the four triangles, and a few pads of them.
+    let triangles: Vec<u8> = (0..48).filter(|k| !matches!(k % 12, 6 | 10)).collect();
+    let [triangles, pads] = [format!("{:?}", [triangles]), "[[0, 1, 2, 3, 24, 25, 35]]".into()];
+    let icub = |kind, order: &String| layout_of("", &format!("protocol = \"icub-{kind}\""), &[(9, order)]);
+    for (heard, layout, told) in [
+        (cyskin, seven, "read: 4 taxels of can0 hub 0x21 module 1"),
+        (
+            l2(&[(3, four_by_six), (5, four_by_six)]),
+            l2(&[(5, four_by_five)]),
+            "read: 4 taxels of can0 board 5",
+        ),
+        // Which MTB it is stands in no frame.
+        (
+            icub("mtb4", &triangles),
+            icub("mtb4", &pads),
+            "read: 33 taxels of can0 board 9",
+        ),
+    ] {
+        let dir = recording_of(&heard);
+        let said = set_up_as(&dir, &layout).unwrap();
+        assert!(said.contains(told) && !said.contains("Silent"), "{said}");
+        let config = taxeld::Config::load(&dir.path().join("taxeld.toml")).unwrap();
+        assert_eq!(config.layout, Layout::parse(&layout, "mine.toml").unwrap());
+    }
+}
+
+#[test]
+fn silent_taxels_are_told_and_are_no_other_board_where_they_are_few() {
+    let four_by_four = "[[0, 1, 2, 3], [4, 5, 6, 7], [8, 9, 10, 11], [12, 13, 14, 15]]";
+    let l2 = |board, order| layout_of("", "protocol = \"uskin-l2\"", &[(board, order)]);
+    let dir = recording_of(&l2(
+        1,
+        "[[0, 1, 2, 3], [4, 5, 6, 7], [8, -1, 10, 11], [12, 13, 14, 15]]",
+    ));
+    for board in [1, 4] {
+        let said = set_up_as(&dir, &l2(board, four_by_four)).unwrap();
+        assert!(
+            said.contains("Silent: taxels k = 9 of the 16 of the m0 (can0 board 1)"),
+            "{said}"
+        );
+    }
+    let four_by_six =
+        "[[0, 1, 2, 3, 16, 17], [4, 5, 6, 7, 18, 19], [8, 9, 10, 11, 20, 21], [12, 13, 14, 15, 22, 23]]";
+    let said = set_up_as(&dir, &l2(1, four_by_six)).unwrap_err();
+    assert!(
+        said.contains("whose 15 taxels are not the 24 of the m0"),
+        "{said}"
+    );
+    // With another board beside it, it is told by where it is.
+    let dir = recording_of(&layout_of(
+        "",
+        "protocol = \"uskin-l2\"",
+        &[(1, four_by_four), (2, four_by_four)],
+    ));
+    let said = set_up_as(&dir, &l2(1, four_by_six)).unwrap_err();
+    assert!(
+        said.contains("at the address of the m0 is can0 board 1, whose 16 taxels"),
+        "{said}"
+    );
+    let said = set_up_as(&dir, &l2(4, four_by_four)).unwrap_err();
+    assert!(
+        said.contains("no board was heard at the address of the m0. Press"),
+        "{said}"
+    );
+}
+
+#[test]
+fn a_built_in_hand_is_known_where_one_of_its_taxels_is_silent() {
+    let (dir, log) = recording("allegro-uskin-15");
+    let path = dir.path().join("hand.log");
+    let text = fs::read_to_string(&path).unwrap();
+    let heard: Vec<&str> = text.lines().filter(|line| !line.contains(" can1 613#")).collect();
+    assert!(heard.len() < text.lines().count());
+    fs::write(&path, heard.join("\n") + "\n").unwrap();
+    let (_, said) = succeeds(&dir, &["setup", "--yes", &log]);
+    assert!(
+        said.contains("The boards fit allegro-uskin-15, but for 1 taxel"),
+        "{said}"
+    );
+    assert!(
+        said.contains("Silent: taxels k = 7 of the 16 of the thumb proximal"),
+        "{said}"
+    );
+    let config = taxeld::Config::load(&dir.path().join("taxeld.toml")).unwrap();
+    assert_eq!(config.layout.name, "allegro-uskin-15");
+    let (_, said) = succeeds(&dir, &["doctor", "--scan", &log]);
+    let said = said.split_whitespace().collect::<Vec<_>>().join(" ");
+    assert!(
+        said.contains("allegro-uskin-15, but for 1 taxel that no frame was heard of."),
+        "{said}"
+    );
+}

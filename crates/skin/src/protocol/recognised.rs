@@ -16,6 +16,8 @@ pub(crate) type Recognise = fn(&mut HeardIds, &mut RecognisedBus);
 pub struct RecognisedBoard {
     /// How it speaks.
     pub protocol: Protocol,
+    /// How it may as well, where nothing told the two apart.
+    pub or_protocol: Option<Protocol>,
     /// Its address; of a CySkin module its number on its hub.
     pub board: u8,
     /// The address of its hub, for CySkin.

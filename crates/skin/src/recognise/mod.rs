@@ -10,10 +10,12 @@
 mod allegro;
 mod array;
 mod conflicts;
+mod fit;
 mod found;
 mod of_layout;
 mod propose;
 
+pub use fit::Fit;
 pub use found::Recognition;
 
 use crate::protocol::RECOGNISERS;

@@ -5,32 +5,19 @@ use crate::layout::Layout;
 use crate::protocol::Order;
 use crate::protocol::cyskin::recognise::CyskinGuess;
 use crate::protocol::cyskin::setup::{ByteOrder, Checksum, HubIds};
-use crate::protocol::recognised::{RecognisedBoard, RecognisedBus};
+use crate::protocol::recognised::RecognisedBoard;
 use std::collections::BTreeSet;
 use std::fmt::Write;
 use std::sync::LazyLock;
+use taxel_hand::plural;
 
 /// Widest image that tiles are laid out in, pixels; a tile that is wider has its own row.
 const WIDTH: usize = 64;
 
-/// Protocol, address and number of taxels of each board, by bus; the buses in ascending order.
-type Boards = Vec<BTreeSet<(&'static str, u8, usize)>>;
-
 /// The built-in hands that have boards.
-static BUILTIN: LazyLock<Vec<(&str, Boards)>> = LazyLock::new(|| {
+static BUILTIN: LazyLock<Vec<(&str, Layout)>> = LazyLock::new(|| {
     let hands = Layout::builtin_names().filter_map(|name| Some((name, Layout::builtin(name)?)));
-    let hands = hands.map(|(name, layout)| {
-        let mut boards = Boards::new();
-        boards.resize_with(layout.buses.len(), BTreeSet::new);
-        for (_, module, wiring) in layout.boards() {
-            if let Some(of_bus) = boards.get_mut(usize::from(wiring.bus)) {
-                of_bus.insert((wiring.protocol.name(), wiring.board, usize::from(module.taxels)));
-            }
-        }
-        boards.sort();
-        (name, boards)
-    });
-    hands.filter(|(_, boards)| !boards.is_empty()).collect()
+    hands.filter(|(_, layout)| !layout.buses.is_empty()).collect()
 });
 
 impl Recognition {
@@ -64,22 +51,29 @@ impl Recognition {
         Some(text)
     }
 
-    /// The built-in hand with the same boards on as many buses, if there is one; its places are
-    /// better than guesses.
-    pub fn builtin(&self) -> Option<&'static str> {
-        let boards_of = |bus: &RecognisedBus| {
-            let boards = bus.boards.iter();
-            boards
-                .map(|b| (b.protocol.name(), b.board, b.taxels.len()))
-                .collect()
+    /// The built-in hand with the same boards on as many buses, if there is one, and how many of its taxels are silent; its
+    /// places are better than guesses.
+    pub fn builtin(&self) -> Option<(&'static str, usize)> {
+        let silent = |layout: &Layout| {
+            let buses = self.buses.iter().filter(|bus| !bus.boards.is_empty()).count();
+            let of_hand = [layout.buses.len(), layout.modules.len()];
+            let wired = self
+                .wired_as(layout, &[])
+                .filter(|_| of_hand == [buses, self.boards().count()])?;
+            let mut silent = 0;
+            for module in 0..layout.modules.len() {
+                let fit = self
+                    .boards()
+                    .nth(self.board_of(layout, module, &wired)?)?
+                    .fit(layout, module)?;
+                silent += (fit.unread == 0).then_some(fit.silent.len())?;
+            }
+            Some(silent)
         };
-        let buses = self.buses.iter().filter(|bus| !bus.boards.is_empty());
-        let mut found: Boards = buses.map(boards_of).collect();
-        found.sort();
-        BUILTIN
+        let hands = BUILTIN
             .iter()
-            .find(|(_, boards)| *boards == found)
-            .map(|(name, _)| *name)
+            .filter_map(|(name, layout)| Some((*name, silent(layout)?)));
+        hands.min_by_key(|(_, silent)| *silent)
     }
 
     fn head(&self, name: &str, named: &[(&str, &[RecognisedBoard])], [width, height]: [usize; 2]) -> String {
@@ -91,11 +85,15 @@ impl Recognition {
              # parts are not neighbours). Press one taxel after the other with `taxel watch` open, and correct them.\n\
              # Positions in millimetres (`pitch_mm`, `origin_mm`) are left out.\n",
         );
-        if let Some(builtin) = self.builtin() {
-            let _ = writeln!(
-                text,
-                "#\n# These are the boards of the built-in hand {builtin}: if it is one, `layout = \"{builtin}\"` places them."
+        if let Some((builtin, silent)) = self.builtin() {
+            let but = match silent {
+                0 => String::new(),
+                silent => format!(", but for {} that no frame was heard of", plural(silent, "taxel")),
+            };
+            let said = format!(
+                "These are the boards of the built-in hand {builtin}{but}: if it is one, `layout = \"{builtin}\"` places them."
             );
+            let _ = writeln!(text, "#\n# {}", wrap(&said, 110).join("\n# "));
         }
         for (bus, doubts) in self.buses.iter().zip(bus_names(self, named)) {
             for doubt in &bus.doubts {

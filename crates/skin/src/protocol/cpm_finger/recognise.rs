@@ -20,6 +20,7 @@ pub(crate) fn take_boards(heard: &mut HeardIds, bus: &mut RecognisedBus) {
     }
     bus.boards.push(RecognisedBoard {
         protocol: Protocol(&CpmFinger),
+        or_protocol: None,
         board: 0,
         hub: None,
         taxels: (0..16).collect(),

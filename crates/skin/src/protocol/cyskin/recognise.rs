@@ -365,6 +365,7 @@ pub(crate) fn add_hubs(
             }
             bus.boards.push(RecognisedBoard {
                 protocol: Protocol(&Cyskin),
+                or_protocol: None,
                 board: module,
                 hub: Some(*address),
                 taxels,

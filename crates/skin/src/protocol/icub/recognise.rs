@@ -34,14 +34,14 @@ pub(crate) fn take_boards(heard: &mut HeardIds, bus: &mut RecognisedBus) {
                 .push(format!("board {board}: no triangle is connected to it"));
             continue;
         }
-        let protocol = match kinds.get(&board) {
-            Some(kind) if mtb4.is_spoken_by(*kind) => mtb4,
-            Some(_) => mtb3,
+        let (protocol, or_protocol) = match kinds.get(&board) {
+            Some(kind) if mtb4.is_spoken_by(*kind) => (mtb4, None),
+            Some(_) => (mtb3, None),
             None => {
                 bus.doubts.push(format!(
                         "board {board}: MTB3 and MTB4 send the same frames; icub-mtb3 is a guess (discovery tells which)"
                     ));
-                mtb3
+                (mtb3, Some(mtb4))
             }
         };
         let mut taxels: Vec<u8> = triangles
@@ -52,6 +52,7 @@ pub(crate) fn take_boards(heard: &mut HeardIds, bus: &mut RecognisedBus) {
         taxels.sort_unstable();
         bus.boards.push(RecognisedBoard {
             protocol,
+            or_protocol,
             board,
             hub: None,
             taxels,

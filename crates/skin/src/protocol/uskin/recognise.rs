@@ -76,6 +76,7 @@ pub(crate) fn take_boards(heard: &mut HeardIds, bus: &mut RecognisedBus) {
         }
         bus.boards.push(RecognisedBoard {
             protocol: best.protocol(),
+            or_protocol: None,
             board: *board,
             hub: None,
             taxels,
