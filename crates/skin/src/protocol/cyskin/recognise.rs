@@ -79,7 +79,8 @@ impl HubTraffic {
     }
 
     pub(crate) fn handle_frame(&mut self, t_ns: u64, place: u32, frame: &CanFrame) {
-        self.places |= 1 << place;
+        // A damaged log may have a standard id of more bits than there are.
+        self.places |= 1u8.checked_shl(place).unwrap_or(0);
         if self.kept >= MOST_FRAMES {
             return;
         }
