@@ -236,7 +236,7 @@ fn tell(scan: &Scan<'_>, buses: &[Bus], found: &Recognition, asked: Option<&Aske
             None => START.into(),
         };
         said.extend(words(bus, found, scan.seconds, &unheard));
-        said.extend(asked.and_then(|asked| asked.kept_quiet(number, bus, found)));
+        said.extend(asked.and_then(|asked| asked.kept_quiet(number, &bus.name, found)));
     }
     if let Some((builtin, silent)) = found.builtin() {
         let but = but_silent(silent);

@@ -2,7 +2,6 @@
 
 use super::bus_listener::{BusListener, Listener};
 use super::hand::firmware_text;
-use super::scan::Bus;
 use anyhow::bail;
 use std::collections::BTreeSet;
 use std::thread::sleep;
@@ -149,13 +148,12 @@ impl Asked {
     }
 
     /// That nothing was sent on a bus (of this index), as others speak there and no board does.
-    pub(crate) fn kept_quiet(&self, number: u8, bus: &Bus, found: &RecognisedBus) -> Option<String> {
+    pub(crate) fn kept_quiet(&self, number: u8, name: &str, found: &RecognisedBus) -> Option<String> {
         let is_so = self.busy.contains(&number) && found.boards.is_empty();
         is_so.then(|| {
             format!(
-                "{}: nobody was asked for boards, since others speak there; who has boards on it that wait to be started \
-                 silences the others meanwhile",
-                bus.name
+                "{name}: nobody was asked for boards, since others speak there; who has boards on it that wait to be started \
+                 silences the others meanwhile"
             )
         })
     }

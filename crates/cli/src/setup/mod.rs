@@ -303,7 +303,7 @@ fn find_boards(
     }
     for (number, (bus, found)) in (0u8..).zip(buses.iter().zip(&found.buses)) {
         let unheard = (asked.as_ref()).map_or(String::new(), |asked| asked.unheard(number, &bus.source));
-        let quiet = (asked.as_ref()).and_then(|asked| asked.kept_quiet(number, bus, found));
+        let quiet = (asked.as_ref()).and_then(|asked| asked.kept_quiet(number, &bus.name, found));
         for line in scan::words(bus, found, seconds, &unheard)
             .into_iter()
             .chain(quiet)

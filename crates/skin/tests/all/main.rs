@@ -10,6 +10,7 @@ mod cyskin;
 mod cyskin_library;
 mod decoder;
 mod discovery;
+mod fit;
 mod hands;
 mod layout;
 mod live_boards;
