@@ -1,6 +1,5 @@
 //! `taxel categorize`: categories of touches.
 
-mod contact;
 mod counts;
 mod figures;
 mod labels;
@@ -15,6 +14,7 @@ mod touches;
 mod trial;
 mod values;
 mod waiting_marks;
+mod whole;
 
 use crate::errors::wrong_use;
 use crate::piped_file::recording_parser;

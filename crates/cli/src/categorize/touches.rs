@@ -1,9 +1,9 @@
 //! Touches of one motion: from a recording cut by marks or contact, or from a scene.
 
-use super::contact;
 use super::counts::{above_baseline, values};
 use super::labels;
 use super::values::Values;
+use super::whole;
 use crate::recordings::assumed;
 use crate::recordings::implausible_times;
 use crate::recordings::marks_file;
@@ -15,8 +15,7 @@ use taxel_hand::{plural, shell_word};
 use taxel_playback::{recorded, stand_in};
 use taxel_record::{FileKind, ReadOptions, Recording};
 use taxel_sequence::{
-    Aligned, Alignment, Cut, Mark, Motion, SequenceError, Touch, align, cut_by_contact, cut_by_marks,
-    sure_step,
+    Aligned, Alignment, Cut, Mark, Motion, SequenceError, Touch, align, cut_by_contact, sure_step,
 };
 use taxel_sim::{Palpation, Scene, Simulator, with_stand_in_boards};
 use taxel_skin::Layout;
@@ -179,17 +178,19 @@ pub(crate) fn of_recording(
                 remark!("taxel: {}: {told}", recording.name());
             }
             let marks = counted.map_or(marks, |(marks, _)| marks);
-            cut_by_marks(&times, &marks, &cutting.until)
+            whole::of_marks(&times, &marks, &cutting.until, recording.name(), motion)
         }
         (None, Some(threshold)) => {
             let above = above_baseline(&values, taxels, recording.has_counts(), 0);
             let cuts = cut_by_contact(&above, &times, threshold, cutting.least);
-            match contact::whole(cuts, &recording, motion, cutting.least) {
+            match whole::of_contact(cuts, &recording, motion, cutting.least) {
                 none if none.is_empty() => Err(SequenceError::NoTouch),
                 cuts => Ok(cuts),
             }
         }
-        (None, None) if !marks.is_empty() => cut_by_marks(&times, &marks, &cutting.until),
+        (None, None) if !marks.is_empty() => {
+            whole::of_marks(&times, &marks, &cutting.until, recording.name(), motion)
+        }
         (None, None) => bail!(
             "{}: where does a touch begin? --marks FILE says it by marks, --contact COUNTS by contact; or give a manifest",
             path.display()
