@@ -1,7 +1,7 @@
 //! What programs beside the daemon publish: one text for all subscribers, in the daemon's own manner.
 
 use crate::piped_file;
-use anyhow::Context;
+use anyhow::{Context, anyhow};
 use nix::sys::socket::SockType;
 use std::io;
 use std::os::fd::OwnedFd;
@@ -29,7 +29,7 @@ impl Publisher {
     pub(crate) fn start(path: &Path, hello: Hello, what: &'static str) -> anyhow::Result<Self> {
         // A signal ends the program without any destructor.
         before_the_end(last).context("cannot handle signals")?;
-        let (published, listening) = Published::take(path)?;
+        let (published, listening) = Published::take(path).map_err(not_published)?;
         let limits = Limits {
             max_subscribers: 16,
             stall_ms: 2000,
@@ -68,6 +68,21 @@ impl Publisher {
     /// Sends a text to every subscriber; `seq` and `t_ns` are those of the newest frame that it is about.
     pub(crate) fn publish(&self, kind: Kind, text: &[u8], seq: u64, t_ns: u64) {
         self.handle.publish_text(kind, text, seq, t_ns);
+    }
+}
+
+/// What is advised of a daemon's sockets is settings of the daemon; here there is only the path of `--publish`.
+fn not_published(error: SocketPathError) -> anyhow::Error {
+    match error {
+        SocketPathError::InUse { path } => anyhow!(
+            "{} is in use by another program of taxeld's; --publish takes another path",
+            path.display()
+        ),
+        SocketPathError::Forbidden { path, error } => anyhow!(
+            "cannot make {}: {error}; --publish takes a path in a folder that this user may write to",
+            path.display()
+        ),
+        error => error.into(),
     }
 }
 

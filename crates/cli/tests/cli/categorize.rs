@@ -465,6 +465,12 @@ fn live_categories_wait_for_a_daemon_that_is_not_there_and_for_one_that_ended() 
         assert!(child.try_wait().unwrap().is_none(), "it ended");
         std::thread::sleep(std::time::Duration::from_millis(20));
     }
+    let second = [&live[..], &["--publish", "touches.sock"]].concat();
+    let error = fails(&dir, &second, 1);
+    assert!(
+        error.contains("touches.sock is in use") && error.contains("--publish takes another"),
+        "{error}"
+    );
     // Its taxels have three axes, and a norm is none of them.
     let norms = std::fs::read_to_string(dir.path().join("wide.csv")).unwrap();
     std::fs::write(dir.path().join("norms.csv"), norms.replace('-', "")).unwrap();
