@@ -133,12 +133,7 @@ impl SocketPath {
         } = self;
         let path = path.as_path();
         let fail = |what| move |errno: Errno| SocketPathError::io(what, path, errno.into());
-        let flags = SockFlag::SOCK_CLOEXEC | SockFlag::SOCK_NONBLOCK;
-        let listener = socket(AddressFamily::Unix, kind, flags, None).map_err(fail("make a socket for"))?;
-        // The file that `bind` makes has the mode of the socket, less the umask.
-        fchmod(&listener, Mode::S_IRUSR | Mode::S_IWUSR).map_err(fail("set the mode of"))?;
-        let address = UnixAddr::new(path).map_err(fail("listen on"))?;
-        bind(listener.as_raw_fd(), &address).map_err(|errno| SocketPathError::making(path, errno.into()))?;
+        let listener = bind_private(path, kind)?;
         *bound = FileId::at(path);
         if let Some((id, name)) = group {
             fchownat(AT_FDCWD, path, None, Some(*id), AtFlags::AT_SYMLINK_NOFOLLOW).map_err(|errno| {
@@ -176,6 +171,18 @@ impl SocketPath {
         }
         Ok(())
     }
+}
+
+/// A socket at the path that nobody but its owner can open, at no instant, whatever the umask is.
+fn bind_private(path: &Path, kind: SockType) -> Result<OwnedFd, SocketPathError> {
+    let fail = |what| move |errno: Errno| SocketPathError::io(what, path, errno.into());
+    let flags = SockFlag::SOCK_CLOEXEC | SockFlag::SOCK_NONBLOCK;
+    let socket = socket(AddressFamily::Unix, kind, flags, None).map_err(fail("make a socket for"))?;
+    // The file that `bind` makes has the mode of the socket, less the umask.
+    fchmod(&socket, Mode::S_IRUSR | Mode::S_IWUSR).map_err(fail("set the mode of"))?;
+    let address = UnixAddr::new(path).map_err(fail("listen on"))?;
+    bind(socket.as_raw_fd(), &address).map_err(|errno| SocketPathError::making(path, errno.into()))?;
+    Ok(socket)
 }
 
 fn group_id(name: &str) -> Result<Option<Gid>, SocketPathError> {

@@ -125,6 +125,19 @@ fn a_socket_has_the_mode_that_is_asked_for() {
 }
 
 #[test]
+fn a_socket_is_its_owners_alone_until_it_has_its_group_and_mode() {
+    let dir = tempfile::tempdir().unwrap();
+    for (name, kind) in [
+        ("images.sock", SockType::SeqPacket),
+        ("wire.sock", SockType::Datagram),
+    ] {
+        let path = dir.path().join(name);
+        let _bound = bind_private(&path, kind).unwrap();
+        assert_eq!(mode(&path), 0o600, "{name}");
+    }
+}
+
+#[test]
 fn the_socket_its_lock_and_folders_go_with_their_owner_and_the_path_is_free_again() {
     let dir = tempfile::tempdir().unwrap();
     let path = dir.path().join("deep/er/images.sock");
