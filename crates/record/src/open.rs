@@ -87,11 +87,18 @@ fn made_of(extension: &str, path: &Path) -> Option<String> {
              whose axes are the other way round"
                 .into(),
         ),
+        "h5" | "hdf5" => Some(
+            "save the array in Python, time first: numpy.save(\"frames.npy\", h5py.File(..)[\"NAME\"][()])".into(),
+        ),
         "pkl" | "pickle" => Some(
             "save its array in Python: numpy.save(\"frames.npy\", numpy.asarray(pandas.read_pickle(..), float))".into(),
         ),
         "parquet" => {
-            Some("pandas.read_parquet(..).to_csv(\"grasp.csv\", index=False) makes a .csv of it".into())
+            Some(
+                "pandas.read_parquet(..).to_csv(\"grasp.csv\", index=False) makes a .csv of it, and of a column of lists \
+                 numpy.savez(\"grasp.npz\", frames=numpy.stack(df.NAME), t_s=df.TIME) a recording"
+                    .into(),
+            )
         }
         // A log that was rotated among them.
         _ if matches!(extension, "txt" | "tsv") || extension.parse::<u32>().is_ok() => Some(format!(
@@ -115,8 +122,10 @@ mod tests {
             ("grasp.mat", "numpy.save("),
             ("grasp.log.1", "`taxel COMMAND - < grasp.log.1`"),
             ("grasp.txt", "`taxel COMMAND - < grasp.txt`"),
+            ("grasp.h5", "h5py.File("),
             ("grasp.pkl", "pandas.read_pickle("),
             ("grasp.parquet", "pandas.read_parquet("),
+            ("grasp.parquet", "of a column of lists numpy.savez("),
         ] {
             let error = Recording::open(Path::new(name), &ReadOptions::default()).unwrap_err();
             assert!(error.to_string().contains(how), "{error}");

@@ -391,7 +391,10 @@ fn magnitudes(
             empty_at_end,
         });
     }
-    let reason = format!("frame {frame}, taxel {taxel} is {value}; a magnitude is a finite number");
+    let reason = format!(
+        "frame {frame}, taxel {taxel} is {value}; a magnitude is a finite number. Where it stands for none, write NaN instead \
+         (in a .csv an empty cell): with --void nan the taxel is then missing"
+    );
     Err(RecordError::unreadable(at, reason))
 }
 

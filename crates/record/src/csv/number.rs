@@ -29,7 +29,7 @@ pub(super) fn number(column: usize, bytes: &[u8]) -> Result<f64, String> {
             [b'0'..=b'9', ..] if text.contains(':') => {
                 ", but a time of day; times are numbers: in pandas t = pandas.to_timedelta(df.NAME); df.NAME = (t - t[0]).dt.total_seconds()"
             }
-            [b'[', rest @ ..] if rest.trim_ascii_start().first().is_none_or(|byte| !byte.is_ascii_alphabetic()) => ", a list; write its values to columns of their own: in pandas pandas.DataFrame(df.NAME.tolist())",
+            [b'[', rest @ ..] if rest.trim_ascii_start().first().is_none_or(|byte| !byte.is_ascii_alphabetic()) => ", a list, which a .csv holds as text; of the table that was written, numpy.savez(\"grasp.npz\", frames=numpy.stack(df.NAME), t_s=df.TIME) makes a recording",
             _ if text.split([' ', '\t', ';', '|']).all(|cell| cell.parse::<f64>().is_ok()) => NO_SEPARATOR,
             _ if text.contains(',') && text.contains('.') => {
                 "; thousands are not set apart: in pandas pandas.read_csv(NAME, thousands=\",\").to_csv(NEW, index=False)"

@@ -242,7 +242,12 @@ impl<R: Read> Array<R> {
     }
 
     /// Refuses elements that are no numbers, whatever their shape.
-    fn check_numbers(&self) -> Result<Element, RecordError> {
+    pub(super) fn check_numbers(&self) -> Result<(), RecordError> {
+        self.of_numbers().map(drop)
+    }
+
+    /// What its elements are, which are numbers.
+    fn of_numbers(&self) -> Result<Element, RecordError> {
         self.element.ok_or_else(|| {
             let names: Vec<&str> = ELEMENTS.iter().map(|(_, name, _)| *name).collect();
             let made = match self.dtype().as_str() {
@@ -257,7 +262,7 @@ impl<R: Read> Array<R> {
 
     /// All numbers, row by row whatever their order in the file.
     pub(crate) fn numbers(mut self) -> Result<Vec<f64>, RecordError> {
-        let element = self.check_numbers()?;
+        let element = self.of_numbers()?;
         let mut values = Vec::new();
         self.read(element, &mut values, |bytes| element.number(bytes))?;
         Ok(match self.header.fortran_order {

@@ -56,6 +56,7 @@ pub(crate) fn read(path: &Path, options: &ReadOptions) -> Result<Table, RecordEr
         }
     };
     let array = npz.array(&name)?;
+    array.check_numbers()?;
     let (at, shape) = (array.at.clone(), array.shape().to_vec());
     let meaning = Meaning::of(&at, &shape, None, options)?;
     let is_half = array.is_half();

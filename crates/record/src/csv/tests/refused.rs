@@ -158,7 +158,7 @@ fn errors_name_the_line() {
         (
             "t,a\n1,\"[2, 3]\"\n",
             &none,
-            "a list; write its values to columns",
+            "a list, which a .csv holds as text; of the table that was written, numpy.savez(",
         ),
         ("0B0X,0B0Y,0B0Z\n1,2,70000\n", &none, "70000"),
         (

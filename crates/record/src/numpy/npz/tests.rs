@@ -398,3 +398,21 @@ fn an_array_says_where_taxels_have_no_value() {
         assert!(message.contains(wanted), "{message}");
     }
 }
+
+#[test]
+fn an_array_that_has_no_numbers_is_told_as_that_and_not_by_its_shape() {
+    let dir = TempDir::new().unwrap();
+    let path = dir.path().join("ragged.npz");
+    let mut zip = zip::ZipWriter::new(File::create(&path).unwrap());
+    let header = "{'descr': '|O', 'fortran_order': False, 'shape': (3,)}";
+    let bytes = [b"\x93NUMPY\x01\x00\x76\x00", format!("{header:117}\n").as_bytes()].concat();
+    zip.start_file("frames.npy", zip::write::SimpleFileOptions::default())
+        .unwrap();
+    zip.write_all(&bytes).unwrap();
+    zip.finish().unwrap();
+    let message = open(&path).unwrap_err().to_string();
+    assert!(
+        message.contains("[frames]: elements are O") && message.contains("numpy.stack("),
+        "{message}"
+    );
+}
