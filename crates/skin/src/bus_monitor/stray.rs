@@ -4,7 +4,7 @@
 use super::tally::Tally;
 use crate::layout::{Layout, Wiring};
 use crate::protocol::Protocol;
-use crate::protocol::cyskin::setup::CyskinHub;
+use crate::protocol::cyskin::setup::{CyskinHub, CyskinSetup};
 use crate::protocol::mtb::BoardKind;
 
 /// In place of the module of an id: there is none.
@@ -122,10 +122,11 @@ pub(super) fn strays(layout: &Layout, owners: &[&[u16; 0x800]]) -> Vec<Stray> {
     let mut strays: Vec<Stray> = Vec::new();
     let kinds = kinds(layout);
     for (bus, owners) in (0u8..).zip(owners) {
+        let of_hubs = hub_ids(layout, bus);
         for &(protocol, k) in &kinds {
             for address in protocol.addresses() {
                 let ids = ids_of(protocol, address, k);
-                let known = |id: &u16| owners[usize::from(*id)] != NOBODY;
+                let known = |id: &u16| owners[usize::from(*id)] != NOBODY || of_hubs.contains(id);
                 let there = strays
                     .iter()
                     .any(|s| (s.bus, s.protocol, s.address) == (bus, protocol, address.into()));
@@ -164,6 +165,22 @@ fn kinds(layout: &Layout) -> Vec<(Protocol, &[u16])> {
         }
     }
     kinds
+}
+
+/// The standard ids of what the hubs of a bus say and are told, among which are those of some other boards.
+fn hub_ids(layout: &Layout, bus: u8) -> Vec<u16> {
+    let of_setup = |setup: &CyskinSetup| -> Vec<u16> {
+        let hubs = setup.hubs.iter().filter(|hub| hub.bus == bus);
+        let mut addresses: Vec<u32> = hubs.map(|hub| hub.address).collect();
+        if !addresses.is_empty() {
+            addresses.push(setup.ids.everybody());
+        }
+        let ids = addresses
+            .into_iter()
+            .flat_map(|address| setup.ids.standard_ids(address));
+        ids.collect()
+    };
+    layout.cyskin.as_ref().map(of_setup).unwrap_or_default()
 }
 
 /// The hubs of other buses, whose address no hub of this bus has.
