@@ -404,6 +404,10 @@ impl BusMonitor {
         self.find_swapped_buses();
         for stray in self.strays.iter().filter(|stray| stray.is_settled) {
             let Some(module) = stray.there.is else { continue };
+            let tally = &self.buses[usize::from(stray.bus)].tally;
+            if self.strays.iter().any(|other| stray.is_another(other, tally)) {
+                continue;
+            }
             let swapped = module.is_some_and(|m| {
                 let own = self.modules[usize::from(m)].bus;
                 self.findings.iter().any(|finding| {

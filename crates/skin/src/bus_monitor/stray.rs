@@ -44,7 +44,7 @@ pub(super) struct Stray {
     pub(super) bus: u8,
     pub(super) protocol: Protocol,
     pub(super) address: u32,
-    /// Its standard ids; none for a CySkin hub, which is told by its address.
+    /// Its standard ids; a CySkin hub is told by its address.
     pub(super) ids: Vec<u16>,
     /// The module that has this address, on another bus.
     pub(super) module: Option<u16>,
@@ -65,12 +65,10 @@ impl Stray {
         answers: &[Option<BoardKind>; 16],
         elsewhere: Option<u16>,
     ) {
-        // A hub has no standard ids.
-        let speaks = if self.ids.is_empty() {
+        let speaks = if self.protocol == Protocol::CYSKIN {
             tally.hub(self.address).packets > 0
         } else {
-            let spoken = |id: &&u16| tally.ids[usize::from(**id)].frames > 0;
-            2 * self.ids.iter().filter(spoken).count() >= self.ids.len()
+            2 * self.spoken(tally).count() >= self.ids.len()
         };
         if self.module.is_some() && answers_questions(self.protocol) {
             let answer = answers[self.address as usize & 15];
@@ -91,6 +89,25 @@ impl Stray {
         }
         // In the window in which boards change their bus, some speak on both and some not yet on the other.
         self.is_settled = [before, Some(elsewhere)] == [self.there.is; 2];
+    }
+
+    /// Its ids that were heard in this window.
+    fn spoken<'a>(&'a self, tally: &'a Tally) -> impl Iterator<Item = u16> + 'a {
+        self.ids
+            .iter()
+            .copied()
+            .filter(|id| tally.ids[usize::from(*id)].frames > 0)
+    }
+
+    /// Whether all that was heard of it are ids of this other one, of which more were heard: boards of different kinds have
+    /// ids in common.
+    pub(super) fn is_another(&self, other: &Self, tally: &Tally) -> bool {
+        let heard = self.spoken(tally).count();
+        self.bus == other.bus
+            && other.is_settled
+            && heard > 0
+            && heard < other.spoken(tally).count()
+            && self.spoken(tally).all(|id| other.ids.contains(&id))
     }
 }
 
@@ -186,18 +203,20 @@ fn hub_ids(layout: &Layout, bus: u8) -> Vec<u16> {
 /// The hubs of other buses, whose address no hub of this bus has.
 fn stray_hubs(layout: &Layout, bus: u8) -> impl Iterator<Item = Stray> {
     let hubs = || layout.cyskin.iter().flat_map(|setup| &setup.hubs);
+    let ids = layout.cyskin.as_ref().map(|setup| setup.ids);
     let elsewhere = (0u8..).zip(hubs()).filter(move |(_, hub)| {
         let here = |other: &CyskinHub| (other.bus, other.address) == (bus, hub.address);
         hub.bus != bus && !hubs().any(here)
     });
     elsewhere.filter_map(move |(number, hub)| {
+        let ids = ids.into_iter().flat_map(|ids| ids.standard_ids(hub.address));
         let of_hub = |m: &Wiring| m.hub == Some(number);
         let module = (0u16..).zip(&layout.wiring).find(|(_, m)| of_hub(m));
         module.map(|(index, wiring)| Stray {
             bus,
             protocol: wiring.protocol,
             address: hub.address,
-            ids: Vec::new(),
+            ids: ids.collect(),
             module: Some(index),
             there: Held::default(),
             is_settled: false,

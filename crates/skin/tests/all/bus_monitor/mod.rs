@@ -1,5 +1,6 @@
 //! What the traffic on the buses shows: babbling nodes, two boards with one address, boards on the wrong bus.
 
+mod shared_ids;
 mod two_boards;
 mod wrong_bus;
 
