@@ -203,7 +203,19 @@ pub(crate) fn judge(look: &Look<'_>, steadiness: &mut Steadiness, found: &mut Ve
         for (modules, how) in by_board(layout, &unsteady, |_, _| true) {
             found.push(unsteady_board(layout, modules, how));
         }
+        // A hub is told to start where nothing comes of it.
+        let hub_sends = |module: usize| {
+            let of_hub = |m: &usize| is_of_board(layout, module, *m);
+            boards()
+                .filter(of_hub)
+                .any(|m| matches!(state(m), BoardState::Settling | BoardState::Streaming))
+        };
         for (modules, state) in by_board(layout, &silent, |a, b| a == b) {
+            let done = match modules[0] {
+                module if hub_sends(module) => "Nothing is sent to a hub that sends values of others",
+                module if layout.is_started(module) => what_is_done(bus.starting),
+                _ => "Nothing is sent to it: such a board sends from power-up on",
+            };
             found.push(match layout.wiring[modules[0]].array {
                 Some(_) => array::silent(&look.setup.sources[index], layout, modules[0], state),
                 None if hub_speaks(modules[0]) => unnamed_modules(layout, modules, state),
@@ -211,7 +223,7 @@ pub(crate) fn judge(look: &Look<'_>, steadiness: &mut Steadiness, found: &mut Ve
                     recording @ SourceAddress::Log { .. } => {
                         unrecorded_board(layout, modules, state, recording)
                     }
-                    _ => silent_board(layout, modules, state, bus.starting),
+                    _ => silent_board(layout, modules, state, done),
                 },
             });
         }
@@ -332,12 +344,8 @@ fn what_is_done(starting: Starting) -> &'static str {
     }
 }
 
-fn silent_board(layout: &Layout, modules: Vec<usize>, state: BoardState, starting: Starting) -> Problem {
+fn silent_board(layout: &Layout, modules: Vec<usize>, state: BoardState, done: &str) -> Problem {
     let name = modules_name(layout, &modules);
-    let done = match layout.is_started(modules[0]) {
-        true => what_is_done(starting),
-        false => "Nothing is sent to it: such a board sends from power-up on",
-    };
     let over = format!("{} speaks", name.trim_end_matches(','));
     match state {
         BoardState::NeverSeen => of_board(
