@@ -11,6 +11,9 @@ GROUP = "239.74.163.2"  # python-can's IPv4 default
 BURST = 150  # a python-can receiver holds 256 datagrams, of which one must not count on all
 
 
+# Of <linux/in.h>; without it a socket hears the groups that others on this machine have joined.
+IP_MULTICAST_ALL = 49
+
 # Sockets whose ports this process has taken; more than a test needs.
 TAKEN = collections.deque(maxlen=64)
 
@@ -18,12 +21,13 @@ TAKEN = collections.deque(maxlen=64)
 def free_udp_ports(count):
     """UDP ports nobody uses, each another. Groups leak between sockets on one port, so a test isolates itself by port.
 
-    A socket of the loopback, which hears nothing of groups, keeps each from being given to anybody else who asks for any; who
-    names it may use it as well.
+    A socket of every address, which hears nothing of groups, keeps each from being given to anybody else who asks for any, be
+    it on one address alone; who names it may use it as well.
     """
     for _ in range(count):
         taken = socket.socket(socket.AF_INET, socket.SOCK_DGRAM)
-        taken.bind(("127.0.0.1", 0))
+        taken.setsockopt(socket.IPPROTO_IP, IP_MULTICAST_ALL, 0)
+        taken.bind(("", 0))
         taken.setsockopt(socket.SOL_SOCKET, socket.SO_REUSEADDR, 1)
         TAKEN.append(taken)
     return [taken.getsockname()[1] for taken in list(TAKEN)[-count:]]
