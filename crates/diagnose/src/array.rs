@@ -6,7 +6,7 @@ use crate::problem::{Place, Problem};
 use crate::view::Look;
 use taxel_can::{ArrayCounters, SourceAddress};
 use taxel_hand::plural;
-use taxel_skin::{BoardState, Layout};
+use taxel_skin::{BoardState, Layout, stale_after_ns};
 
 /// Arrays send a few frames a second: one is silent after this long, nanoseconds.
 pub(crate) const SILENCE_NS: u64 = 1_000_000_000;
@@ -50,7 +50,7 @@ pub(crate) fn judge(look: &Look<'_>, index: usize, found: &mut Vec<Problem>) {
     }
     let timed = now.timed - before.timed;
     let age_ns = (now.aged_ns - before.aged_ns).checked_div(timed).unwrap_or(0);
-    let stale_ns = stale_ns(look).filter(|stale_ns| age_ns > *stale_ns);
+    let stale_ns = stale_ns(look, index).filter(|stale_ns| age_ns > *stale_ns);
     // The mean of frames that have just begun to come late is still on its way.
     let age_ms = age_ns.max(now.newest_age_ns) / 1_000_000;
     if let Some(stale_ns) = stale_ns {
@@ -107,10 +107,18 @@ fn refused(
     })
 }
 
-/// How old a value is when it is stale, nanoseconds; `None` where the boards' periods are still to be measured.
-fn stale_ns(look: &Look<'_>) -> Option<u64> {
-    let slowest_ns = look.view.boards.iter().filter_map(|board| board.period_ns).max();
-    look.setup.stale_ns.or(slowest_ns.map(|period_ns| 3 * period_ns))
+/// How old a value of the array on a bus (index) is when it is stale, nanoseconds; `None` where its period is still to be
+/// measured.
+fn stale_ns(look: &Look<'_>, index: usize) -> Option<u64> {
+    let wiring = look.setup.layout.wiring.iter();
+    let here = look
+        .view
+        .boards
+        .iter()
+        .zip(wiring)
+        .filter(|(_, wiring)| usize::from(wiring.bus) == index);
+    let slowest_ns = here.filter_map(|(board, _)| board.period_ns).max();
+    look.setup.stale_ns.or(slowest_ns.map(stale_after_ns))
 }
 
 /// Whether the frames of an array on a bus (index) come, though late: then nothing has stopped.

@@ -59,7 +59,7 @@ pub use protocol::commands::TxMode;
 pub use bus_monitor::{BusLoad, BusMonitor, Finding};
 
 // Sweep assembly
-pub use sweep::{Push, SweepAssembler, SweepConfig};
+pub use sweep::{Push, SweepAssembler, SweepConfig, stale_after_ns};
 
 // Conditioning
 pub use condition::{

@@ -11,6 +11,12 @@ const SETTLE_AGAIN_NS: u64 = 1_000_000_000;
 /// back makes such.
 const SHORTEST_SILENCE_NS: u64 = 30_000_000;
 
+/// How old a value of a board is when it is stale, nanoseconds, where nothing is configured: three of its periods, and never
+/// less than the shortest silence.
+pub fn stale_after_ns(period_ns: u64) -> u64 {
+    (3 * period_ns).max(SHORTEST_SILENCE_NS)
+}
+
 #[derive(Debug, Clone)]
 pub(crate) struct Board {
     pub(crate) first: usize,
@@ -70,6 +76,11 @@ impl Board {
     /// Time between two of its sweeps, nanoseconds: as configured, or else as measured.
     pub(crate) fn period_ns(&self) -> u64 {
         self.configured_ns.unwrap_or(self.measured.ns())
+    }
+
+    /// How old its values are when they are stale, nanoseconds, where nothing is configured.
+    pub(crate) fn stale_after_ns(&self) -> u64 {
+        stale_after_ns(self.period_ns())
     }
 
     /// Takes the time between two readings of one of its taxels.

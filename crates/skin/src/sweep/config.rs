@@ -19,7 +19,7 @@ pub struct SweepConfig {
     /// periods of the slowest board, since boards that run freely need a whole one.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub deadline_ms: Option<f64>,
-    /// A value older than this is stale, ms, 1 to 60,000. By default three periods of the slowest board.
+    /// A value older than this is stale, ms, 1 to 60,000. By default three periods of its board, and 30 ms at least.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub stale_after_ms: Option<f64>,
     /// A board or taxel that is missing in this many sweeps in a row is not waited for, 1 to 250;

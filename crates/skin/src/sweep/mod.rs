@@ -25,6 +25,7 @@ mod board;
 mod config;
 mod period;
 
+pub use board::stale_after_ns;
 pub use config::SweepConfig;
 
 use crate::board_status::{BoardState, BoardStatus};
@@ -387,12 +388,13 @@ impl SweepAssembler {
             None => true,
         };
         let count_misses = self.sweep_mode && sweep_ended;
-        let stale_after_ns = self.configured_stale_ns.unwrap_or(3 * self.hand_period_ns);
         self.pending = 0;
         for (i, slot) in self.slots.iter_mut().enumerate() {
+            let board = &self.boards[slot.board as usize];
             let age_ns = now_ns.saturating_sub(slot.t_ns);
-            let young = slot.seen && age_ns < self.boards[slot.board as usize].period_ns() / 2;
+            let young = slot.seen && age_ns < board.period_ns() / 2;
             let of_this_sweep = slot.new || young;
+            let stale_after_ns = self.configured_stale_ns.unwrap_or(board.stale_after_ns());
             let fresh = slot.seen && age_ns <= stale_after_ns && (of_this_sweep || !self.sweep_mode);
             frame.freshness[i] = match (slot.seen, fresh) {
                 (false, _) => Freshness::Missing,

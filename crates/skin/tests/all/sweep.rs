@@ -301,6 +301,28 @@ fn in_timer_mode_a_value_is_fresh_until_it_is_three_periods_old() {
 }
 
 #[test]
+fn a_board_that_dies_is_missing_after_three_of_its_periods_and_not_of_a_slower_ones() {
+    let config = SweepConfig {
+        settle_ms: 0.0,
+        ..SweepConfig::default()
+    };
+    let mut bench = Bench::new(2, &config, false);
+    for sweep in 0..100 {
+        let t_ns = START + sweep * 20 * MS;
+        bench.push_all(0..16, t_ns);
+        if sweep % 25 == 0 {
+            bench.push_all(16..32, t_ns);
+        }
+        bench.take(t_ns);
+    }
+    let died_ns = START + 99 * 20 * MS;
+    assert_eq!(bench.assembler.board(1).period_ns, Some(500 * MS));
+    for (ms, missing) in [(60, 0), (61, 16), (1500, 32)] {
+        assert_eq!(bench.take(died_ns + ms * MS).missing(), missing, "{ms} ms");
+    }
+}
+
+#[test]
 fn the_time_of_validity_never_goes_back() {
     let mut bench = Bench::new(1, &unsettled(), false);
     bench.push_all(0..16, START);
