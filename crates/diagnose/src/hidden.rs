@@ -13,7 +13,9 @@ pub(crate) fn hides(by: &Problem, of: &Problem, layout: &Layout) -> bool {
         Kind::LinkAbsent | Kind::LinkDown | Kind::RecordingEnded | Kind::BusOff | Kind::BusSilent => {
             hides_of_bus(by, of, layout)
         }
-        Kind::BoardUnheard | Kind::BoardSilent | Kind::BoardMalformed => hides_of_board(by, of),
+        Kind::BoardUnheard | Kind::BoardSilent => hides_of_board(by, of),
+        Kind::BoardMalformed => hides_of_board(by, of) || hides_of_unread_bus(by, of, layout),
+        Kind::BoardOnOtherBus | Kind::BusesSwapped => hides_where_it_should_be(by, of, layout),
         _ => hides_of_joints(by, of),
     }
 }
@@ -28,7 +30,11 @@ fn hides_of_bus(by: &Problem, of: &Problem, layout: &Layout) -> bool {
     }
     let is_of_boards = matches!(
         of.kind,
-        Kind::BoardSilent | Kind::BoardUnheard | Kind::BoardMalformed | Kind::TwoBoards
+        Kind::BoardSilent
+            | Kind::BoardUnheard
+            | Kind::BoardMalformed
+            | Kind::TwoBoards
+            | Kind::TaxelsOutOfUse
     );
     let is_of_link = match by.kind {
         Kind::BusSilent => false,
@@ -54,10 +60,30 @@ fn hides_of_board(by: &Problem, of: &Problem) -> bool {
     let is_malformed = by.kind == Kind::BoardMalformed;
     is_of_same
         && match of.kind {
-            Kind::BoardMalformed => true,
+            Kind::BoardMalformed | Kind::TaxelsOutOfUse => true,
             Kind::BoardUnheard | Kind::BoardSilent => is_malformed,
             _ => false,
         }
+}
+
+/// A bus from which nothing comes that could be read does not speak again.
+fn hides_of_unread_bus(by: &Problem, of: &Problem, layout: &Layout) -> bool {
+    let bus = of.bus(layout);
+    let mut here = (0..layout.wiring.len()).filter(|m| Some(usize::from(layout.wiring[*m].bus)) == bus);
+    of.kind == Kind::BusSilent && by.bus(layout) == bus && here.all(|module| by.modules.contains(&module))
+}
+
+/// A board that speaks on another bus is as silent as before on its own.
+fn hides_where_it_should_be(by: &Problem, of: &Problem, layout: &Layout) -> bool {
+    let is_quiet = matches!(of.kind, Kind::BoardSilent | Kind::BoardUnheard | Kind::BusSilent);
+    let is_its_own = match by.place {
+        Place::Stranger(bus, other) => {
+            let buses = [Some(bus), Some((other & 0xFF) as usize)];
+            buses.contains(&of.bus(layout))
+        }
+        _ => by.modules.iter().any(|module| of.modules.contains(module)),
+    };
+    is_quiet && is_its_own
 }
 
 /// What is not known of joints whose port is away or that do not answer, and what something worse is told instead of.

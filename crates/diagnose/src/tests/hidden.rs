@@ -95,6 +95,59 @@ fn a_silent_board_does_not_speak_when_its_bus_falls_silent_or_is_lost_too() {
 }
 
 #[test]
+fn a_board_that_is_found_elsewhere_or_cannot_be_read_does_not_speak_again() {
+    type Change = fn(&mut Known);
+    let (swapped, moved) = (
+        Finding::BusesSwapped {
+            buses: [0, 1],
+            module: 1,
+            boards: 2,
+        },
+        Finding::OnOtherBus { module: 1, bus: 1 },
+    );
+    let one: Change = |s| s.boards[1].state = BoardState::Silent;
+    let bus: Change = |s| silent(s, &Layout::builtin("allegro-uskin-15").expect("built in"), false);
+    for (before, change, finding, kind) in [
+        ("board-silent", one, Some(swapped.clone()), "buses-swapped"),
+        ("bus-silent", bus, Some(swapped), "buses-swapped"),
+        ("board-silent", one, Some(moved), "board-on-other-bus"),
+        ("bus-silent", bus, None, "board-malformed"),
+    ] {
+        let mut bench = Bench::new();
+        let of_bus: Vec<usize> = (0..bench.layout.wiring.len())
+            .filter(|m| bench.layout.wiring[*m].bus == 0)
+            .collect();
+        bench.pass(1500, change);
+        assert_eq!(bench.kinds(), [before]);
+        bench.told();
+        bench.pass(1500, |s| match &finding {
+            Some(finding) => s.findings = vec![finding.clone()],
+            None => of_bus.iter().for_each(|m| {
+                s.boards[*m].state = BoardState::Streaming;
+                s.boards[*m].malformed += 20;
+            }),
+        });
+        // What is wrong instead is told by the monitor; here the board that is elsewhere is not silent any more.
+        bench.pass(3000, |s| {
+            s.boards
+                .iter_mut()
+                .for_each(|board| board.state = BoardState::Streaming);
+            if finding.is_none() {
+                of_bus.iter().for_each(|m| s.boards[*m].malformed += 20);
+            }
+        });
+        assert_eq!(bench.kinds(), [kind], "{before}");
+        assert_eq!(bench.over(), [""; 0], "{before}, {kind}");
+        bench.pass(4000, |s| s.findings.clear());
+        let over = bench.over();
+        assert!(
+            over.iter().any(|said| said.contains("speak")),
+            "{before}, {kind}: {over:?}"
+        );
+    }
+}
+
+#[test]
 fn no_servo_answers_again_when_all_fall_silent_or_their_port_is_gone() {
     type Change = fn(&mut JointsView);
     let lose: [(&str, Change, Change); 2] = [
