@@ -13,6 +13,7 @@ use std::time::Duration;
 use taxel_can::LinkState;
 use taxel_diagnose::{
     ANY_CHANGE_IS_CONTACT, BusView, Crowd, DaemonView, HandView, JointsReporter, JointsView, News, Severity,
+    feels_little,
 };
 use taxel_hand::{Fault, plural};
 use taxel_serve::{LogLines, and_unsaid};
@@ -183,6 +184,10 @@ fn report_out_of_use(state: &State, now: &Snapshot, out_of_use: &mut OutOfUse, a
     };
     for (faults, taxels) in out_of_use.look(layout, &now.force.faults, speaks) {
         let module = layout.module_of(taxels[0]);
+        // Told as a problem.
+        if feels_little(&now.force.faults, module) {
+            continue;
+        }
         let Some(unsaid) = out_of_use.say(layout.taxels[taxels[0]].module.into(), at) else {
             continue;
         };
@@ -310,6 +315,7 @@ fn report_problems(state: &State, now: &Snapshot, joints: Option<&JointsView>, b
         boards: &now.boards,
         findings: &now.findings,
         moved: now.moved,
+        faults: &now.force.faults,
         unchanging: &now.unchanging,
         joints,
         boards_due,

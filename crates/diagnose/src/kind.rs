@@ -93,6 +93,8 @@ kinds! {
     BoardOnOtherBus "board-on-other-bus" Error,
     /// A board is not in the layout.
     BoardNotInLayout "board-not-in-layout" Warning,
+    /// More than a quarter of a module's taxels feel nothing, though its board speaks.
+    TaxelsOutOfUse "taxels-out-of-use" Error,
     /// The hand moved, or was touched, while its baseline was measured.
     BaselineMoved "baseline-moved" Warning,
     /// Taxels are in contact without a change for minutes.

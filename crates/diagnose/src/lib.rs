@@ -22,6 +22,7 @@ mod rate_limiter;
 mod readers;
 mod reload;
 mod sharing;
+mod taxels;
 mod traffic;
 mod view;
 
@@ -38,6 +39,7 @@ pub use problem::{Place, Problem};
 pub use problems::{CurrentProblem, Problems};
 pub use readers::Crowd;
 pub use reload::NotReloaded;
+pub use taxels::{feels_little, is_broken};
 pub use traffic::speaks_on;
 pub use view::{BusView, DaemonView, HandSetup, HandView, Starting};
 

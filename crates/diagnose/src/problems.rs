@@ -8,7 +8,7 @@ use crate::news::{self, News, Told};
 use crate::problem::{Place, Problem};
 use crate::rate_limiter::Telling;
 use crate::view::{HandSetup, HandView, Look};
-use crate::{array, boards, bus, contacts, malformed, readers, reload, sharing, traffic};
+use crate::{array, boards, bus, contacts, malformed, readers, reload, sharing, taxels, traffic};
 use std::collections::{HashMap, VecDeque};
 use taxel_can::SourceCounters;
 use taxel_joints::JointsConfig;
@@ -60,6 +60,7 @@ pub struct Problems {
     tellings: HashMap<(Kind, Place), Telling>,
     recent: VecDeque<Past>,
     steadiness: boards::Steadiness,
+    broken: taxels::Broken,
     sharing: sharing::Sharing,
     patience: Patience,
     angles_used: AnglesUsed,
@@ -107,6 +108,7 @@ impl Problems {
         let had_malformed = |place| had(Kind::BoardMalformed, place).is_some();
         malformed::judge(&look, had_malformed, &mut found);
         boards::judge(&look, &mut self.steadiness, &mut found);
+        self.broken.judge(&look, &mut found);
         contacts::judge(&look, &mut found);
         self.sharing.judge(&look, &mut found);
         if let (Some(config), Some(view)) = (setup.joints, view.joints) {

@@ -4,6 +4,7 @@ use crate::joints_view::JointsView;
 use crate::readers::Crowd;
 use crate::reload::NotReloaded;
 use taxel_can::{LinkState, SourceAddress, SourceCounters};
+use taxel_hand::Faults;
 use taxel_joints::JointsConfig;
 use taxel_skin::{BoardStatus, Finding, Layout, Movement};
 
@@ -16,7 +17,7 @@ pub struct HandSetup<'a> {
     pub sources: &'a [SourceAddress],
     /// A board that is not heard for this long is silent, nanoseconds.
     pub silence_ns: u64,
-    /// A value older than this is stale, nanoseconds; `None` for three periods of the slowest board.
+    /// A value older than this is stale, nanoseconds; `None` for three periods of its board.
     pub stale_ns: Option<u64>,
     /// Where joint angles come from, if any are read.
     pub joints: Option<&'a JointsConfig>,
@@ -37,6 +38,8 @@ pub struct HandView<'a> {
     pub findings: &'a [Finding],
     /// What moved while the baseline was measured (`CalibrationReport::moved`).
     pub moved: Movement,
+    /// Of each taxel, why it is out of use; empty where whoever looks tells of taxels itself.
+    pub faults: &'a [Faults],
     /// Of each taxel, whether it is in contact without a change for long (`Conditioner::is_unchanging`).
     pub unchanging: &'a [bool],
     /// The joints; `None` where none are read.

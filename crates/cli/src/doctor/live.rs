@@ -329,6 +329,8 @@ impl HandListener<'_> {
             findings: self.engine.bus_monitor().findings(),
             // Told by the check `touch`; there is no daemon that could measure it again.
             moved: Movement::None,
+            // Told by the check `taxels`.
+            faults: &[],
             unchanging: &unchanging,
             joints: None,
             boards_due,

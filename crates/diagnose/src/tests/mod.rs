@@ -7,10 +7,12 @@ mod potentiometers;
 mod serial_port;
 mod servo_answers;
 mod sharing;
+mod taxels;
 mod telling;
 
 use crate::{BusView, Crowd, DaemonView, HandSetup, HandView, JointsView, Kind, News, NotReloaded, Problems};
 use taxel_can::{LinkState, SourceAddress};
+use taxel_hand::{Fault, Faults};
 use taxel_joints::JointsConfig;
 use taxel_skin::{BoardState, BoardStatus, Finding, Layout, Movement};
 
@@ -24,6 +26,7 @@ struct Known {
     boards: Vec<BoardStatus>,
     findings: Vec<Finding>,
     moved: Movement,
+    faults: Vec<Faults>,
     unchanging: Vec<bool>,
     reload_refused: Option<NotReloaded>,
     sockets_lost: Option<&'static str>,
@@ -64,6 +67,7 @@ impl Bench {
                 boards: vec![living; layout.modules.len()],
                 findings: Vec::new(),
                 moved: Movement::None,
+                faults: vec![Faults::NONE; layout.len()],
                 unchanging: vec![false; layout.len()],
                 reload_refused: None,
                 sockets_lost: None,
@@ -104,6 +108,7 @@ impl Bench {
             boards: &self.known.boards,
             findings: &self.known.findings,
             moved: self.known.moved,
+            faults: &self.known.faults,
             unchanging: &self.known.unchanging,
             joints,
             boards_due: true,

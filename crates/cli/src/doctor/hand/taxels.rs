@@ -2,11 +2,9 @@
 
 use super::{AREA, HandFacts, board_name};
 use crate::doctor::finding::{Check, State};
+use taxel_diagnose::is_broken;
 use taxel_hand::{Fault, Module, plural};
 use taxel_skin::{BoardState, Layout};
-
-/// A module is called broken when more than this share of its taxels is.
-const BROKEN_SHARE: f64 = 0.25;
 
 pub(super) fn check(layout: &Layout, facts: &HandFacts) -> Vec<Check> {
     let speaks = |module: usize| {
@@ -48,8 +46,7 @@ pub(super) fn check(layout: &Layout, facts: &HandFacts) -> Vec<Check> {
         let (bad, words) = faults_of(layout, facts, module);
         let object = board_name(layout, index);
         let found = format!("{bad} of {}: {words}", module.taxels);
-        let broken = bad as f64 > BROKEN_SHARE * f64::from(module.taxels);
-        checks.push(match (bad, broken) {
+        checks.push(match (bad, is_broken(bad, module)) {
             (0, _) => Check::ok(AREA, "taxels", object, format!("{} healthy", module.taxels)),
             (_, false) => Check::warning(AREA, "taxels", object, found),
             _ => {

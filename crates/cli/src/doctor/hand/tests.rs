@@ -79,6 +79,7 @@ fn judged(facts: &HandFacts) -> Vec<NotedProblem> {
         boards: &facts.boards,
         findings: &facts.findings,
         moved: Movement::None,
+        faults: &[],
         unchanging: &vec![false; layout.len()],
         joints: None,
         boards_due: true,
