@@ -139,7 +139,7 @@ impl Problems {
             let since_ns = match before {
                 Some(before) => old.remove(before).0.since_ns,
                 None => {
-                    self.telling(&problem).change();
+                    self.telling(&problem).change(now_ns);
                     now_ns
                 }
             };
@@ -158,7 +158,7 @@ impl Problems {
             }
             let CurrentProblem { problem, since_ns } = one;
             let lasted_ns = now_ns.saturating_sub(since_ns);
-            self.telling(&problem).change();
+            self.telling(&problem).change(now_ns);
             self.gone.push(Gone { problem, lasted_ns });
         }
         [self.tell_over(joints), self.tell_came(joints)].concat()
