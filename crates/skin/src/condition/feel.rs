@@ -5,7 +5,7 @@ use super::magnitude::{MagnitudeMode, distance_squared};
 use super::motion::StepLimits;
 use super::place::RepairLimits;
 use super::taxel::{Rules, Sample};
-use super::unchanging::LastingContact;
+use super::unchanging::{LastingContact, PAUSE_NS};
 use super::{Conditioner, NEVER};
 use crate::protocol::at_end;
 use crate::reading::{TaxelReading, status_is_error};
@@ -176,7 +176,11 @@ impl Conditioner {
             }
             let (force, times) = (counts(force[n]), self.tracks[n].times());
             if !self.faults[n].is_empty() {
-                *lasting = LastingContact::NONE;
+                let is_missing = self.faults[n].iter().all(|fault| fault == Fault::Missing);
+                let quiet_ns = self.frame_ns.saturating_sub(self.tracks[n].last_ns);
+                if !(is_missing && quiet_ns < PAUSE_NS) {
+                    *lasting = LastingContact::NONE;
+                }
             } else if !lasting.has_begun() {
                 *lasting = LastingContact::begin(force, times.0);
             } else if self.tracks[n].accepted {

@@ -5,6 +5,8 @@ use super::{MS, NEVER};
 
 /// A contact without a change for this long is told, nanoseconds.
 pub(super) const LONG_NS: u64 = 120_000 * MS;
+/// A board that says nothing for less than this pauses, and what it touched it touches still, nanoseconds.
+pub(super) const PAUSE_NS: u64 = 2_000 * MS;
 /// Smooths noise out of the force, one over nanoseconds: over a second.
 const PER_SHORT: f64 = 1.0 / 1e9;
 /// ... and what it is compared with, over ten.

@@ -1,6 +1,7 @@
 //! Contacts that go on without a change.
 
 use super::skin::{Skin, press};
+use taxel_hand::Freshness;
 use taxel_skin::{ConditionConfig, MagnitudeMode};
 
 fn unchanging(skin: &Skin) -> Vec<usize> {
@@ -105,4 +106,34 @@ fn time_that_begins_anew_begins_contacts_anew() {
     assert_eq!(unchanging(&skin), []);
     skin.run_ms(20_000);
     assert_eq!(unchanging(&skin), [0]);
+}
+
+#[test]
+fn a_board_that_pauses_touches_what_it_touched() {
+    let pause = |skin: &mut Skin, ms: u64| {
+        for _ in 0..ms / 40 {
+            skin.step_with(|frame| frame.freshness.fill(Freshness::Stale));
+        }
+        assert!(!skin.out.contact[0], "without a value nothing is felt");
+        skin.frame.freshness.fill(Freshness::Fresh);
+    };
+    let mut skin = Skin::new(2, 25, ConditionConfig::robust());
+    skin.calibrate();
+    press(&mut skin, 0, 900);
+    for _ in 0..13 {
+        skin.run_ms(10_000);
+        pause(&mut skin, 280);
+    }
+    assert_eq!(unchanging(&skin), [0]);
+    // It touches something else behind the pause, or nothing is known of it for long.
+    pause(&mut skin, 1_000);
+    press(&mut skin, 0, 300);
+    skin.run_ms(2_000);
+    assert_eq!(unchanging(&skin), []);
+    skin.run_ms(125_000);
+    assert_eq!(unchanging(&skin), [0]);
+    pause(&mut skin, 3_000);
+    assert_eq!(unchanging(&skin), []);
+    skin.run_ms(10_000);
+    assert_eq!(unchanging(&skin), []);
 }
