@@ -252,17 +252,11 @@ impl Actuators {
         if contacts.len() <= usize::from(profile.actuators) {
             self.cluster.clear();
             self.cluster.extend(0..contacts.len() as u16);
-            self.held.fill(0);
-            out.clear();
-            out.extend((contacts.pixel.iter().zip(&levels.level).enumerate()).map(
-                |(id, (&[x, y], &level))| Actuator {
-                    id: id as u16,
-                    x,
-                    y,
-                    level: level + 1,
-                    force: levels.codebook[usize::from(level)],
-                },
-            ));
+            self.member.fill(None);
+            for (n, member) in self.member.iter_mut().take(contacts.len()).enumerate() {
+                *member = Some(n as u32);
+            }
+            self.press(profile, contacts, levels, out);
             return;
         }
         let points = Plane {

@@ -295,6 +295,25 @@ fn hysteresis_holds_the_level_of_an_actuator_of_several_contacts() {
 }
 
 #[test]
+fn hysteresis_holds_the_level_of_an_actuator_that_stood_for_one_contact_before() {
+    let layout = grid(2, 1);
+    let frames = [[14.0, 0.0], [15.5, 15.6], [0.0, 0.0], [15.5, 15.6]].map(Vec::from);
+    for method in [Method::Paper, Method::Optimal] {
+        let profile = Profile {
+            method,
+            codebook: vec![10.0, 20.0],
+            level_hysteresis: 0.2,
+            actuator_force: Some(ActuatorForce::Closest),
+            ..optimal(2, 1)
+        };
+        let images = images(&profile, &layout, &frames);
+        let force = |image: &TactileImage| image.actuators.first().map(|a| a.force);
+        let forces: Vec<_> = images.iter().map(force).collect();
+        assert_eq!(forces, [Some(10.0), Some(10.0), None, Some(20.0)], "{method:?}");
+    }
+}
+
+#[test]
 fn each_difference_from_the_paper_can_be_switched_alone() {
     let layout = grid(16, 16);
     let frames: Vec<_> = (0..10)
