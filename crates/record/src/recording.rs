@@ -61,7 +61,7 @@ impl Recording {
             counts,
         } = Meaning::of(&at, &shape, columns, options)?;
         let without_value = without_value.unwrap_or_default();
-        let without_value = without_value.iter().enumerate().filter(|(_, without)| **without);
+        let is_without = |cell: usize| without_value.get(cell) == Some(&true);
         let (frames, cells) = match counts {
             Some(_) if options.idle_frames.is_some() => {
                 let holds = "holds counts, whose baseline is measured; --idle is for magnitudes";
@@ -69,17 +69,21 @@ impl Recording {
             }
             Some(columns) => {
                 let mut counts = counts_of_columns(&at, taxels, columns, shape.len() == 2, &values)?;
-                without_value.for_each(|(cell, _)| counts[cell] = None);
+                for cell in (0..counts.len()).filter(|cell| is_without(*cell)) {
+                    counts[cell] = None;
+                }
                 (Frames::Counts(counts), None)
             }
             None => {
-                without_value.for_each(|(cell, _)| values[cell] = f64::NAN);
+                for cell in (0..values.len()).filter(|cell| is_without(*cell)) {
+                    values[cell] = f64::NAN;
+                }
                 let void = match options.void {
                     Some(Void::Nan) => Some(never_a_number(taxels, &values)),
                     _ => void,
                 };
                 let (frames, cells) = without_void(&at, taxels, values, void)?;
-                let may_be_missing = options.void == Some(Void::Nan);
+                let may_be_missing = |cell| options.void == Some(Void::Nan) || is_without(cell);
                 let mut frames = magnitudes(
                     &at,
                     cells.as_deref(),
@@ -364,24 +368,29 @@ fn without_void(
     Ok((values, Some(void.into_iter().map(|void| !void).collect())))
 }
 
-/// Magnitudes of taxels: finite, or not a number where that may be. `cells` says which cells of a frame they are.
+/// Magnitudes of taxels: finite, or not a number where `may_be_missing` says so of a cell of the table. `cells` says which
+/// cells of a frame they are.
 fn magnitudes(
     at: &str,
     cells: Option<&[bool]>,
     all: usize,
     values: Vec<f64>,
-    may_be_missing: bool,
+    may_be_missing: impl Fn(usize) -> bool,
     empty_at_end: usize,
 ) -> Result<Vec<f64>, RecordError> {
-    let bad = |value: &f64| !(value.is_finite() || may_be_missing && value.is_nan());
-    let Some(i) = values.iter().position(bad) else {
-        return Ok(values);
-    };
     let taxels: Vec<usize> = match cells {
         Some(cells) => (0..all).filter(|cell| cells[*cell]).collect(),
         None => (0..all).collect(),
     };
-    let (frame, taxel, value) = (i / taxels.len(), taxels[i % taxels.len()], values[i]);
+    let place = |i: usize| (i / taxels.len(), taxels[i % taxels.len()]);
+    let is_bad = |i: &usize| {
+        let (frame, taxel) = place(*i);
+        !(values[*i].is_finite() || values[*i].is_nan() && may_be_missing(frame * all + taxel))
+    };
+    let Some(i) = (0..values.len()).find(is_bad) else {
+        return Ok(values);
+    };
+    let ((frame, taxel), value) = (place(i), values[i]);
     if value.is_nan() {
         return Err(RecordError::NotANumber {
             at: at.to_owned(),

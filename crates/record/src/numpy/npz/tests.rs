@@ -390,13 +390,18 @@ fn an_array_says_where_taxels_have_no_value() {
     assert_eq!(recording.counts(0).unwrap(), [Some([7; 3]); 4]);
     let wanted = [Some([7; 3]), Some([7; 3]), None, Some([7; 3])];
     assert_eq!(recording.counts(1).unwrap(), wanted);
-    for (frames, taxels, wanted) in [
-        (counts, 5, "[without_value] has shape 2 x 5; expected 2 x 4"),
-        (Array3::from_elem((2, 2, 2), 7), 4, "frame 1, taxel 2 is NaN"),
-    ] {
-        let message = read(&frames, without(taxels)).unwrap_err();
-        assert!(message.contains(wanted), "{message}");
-    }
+    let message = read(&counts, without(5)).unwrap_err();
+    let wanted = "[without_value] has shape 2 x 5; expected 2 x 4";
+    assert!(message.contains(wanted), "{message}");
+    // Magnitudes of a grid.
+    let recording = read(&Array3::from_elem((2, 2, 2), 7), without(4)).unwrap();
+    assert_eq!((recording.taxels(), recording.cells()), (4, None));
+    assert_eq!(recording.magnitudes(0).unwrap(), [7.0; 4]);
+    let magnitudes = recording.magnitudes(1).unwrap();
+    let [a, b, missing, c] = magnitudes else {
+        panic!("{magnitudes:?}")
+    };
+    assert!([*a, *b, *c] == [7.0; 3] && missing.is_nan(), "{magnitudes:?}");
 }
 
 #[test]
