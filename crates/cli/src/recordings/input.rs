@@ -23,8 +23,8 @@ pub(crate) const DEFAULT_LAYOUT: &str = "allegro-uskin-15";
 #[derive(Debug, Clone, clap::Args)]
 pub(crate) struct InputArgs {
     /// The recording: candump .log; .mcap as `taxel record` writes it; .csv, .npy, .npz of T x H x W or T x N magnitudes, or
-    /// of T x N x 3 or T x H x W x 3 counts (a taxel without a value: not a number, in a .csv empty cells); or a scene,
-    /// sim:SCENE; - for a recording on stdin
+    /// of T x N x 3 or T x H x W x 3 counts (a taxel without a value: not a number, in a .csv empty cells; of magnitudes with
+    /// --void nan); or a scene, sim:SCENE; - for a recording on stdin
     #[arg(value_name = "INPUT", value_parser = recording_parser())]
     pub(crate) path: PathBuf,
     /// Which array of an .npz
@@ -48,8 +48,8 @@ pub(crate) struct InputArgs {
     /// Places the taxels: a built-in hand (allegro-uskin-15, uskin-module), grid:HxW, or a layout file, - for stdin
     #[arg(long, value_name = "LAYOUT", value_parser = layout_parser())]
     pub(crate) layout: Option<String>,
-    /// Cells of magnitudes that are no taxels: nan, where they are not a number in any frame, or an array of the .npz
-    /// of a frame's shape that is not zero there
+    /// Cells of magnitudes that are no taxels: nan, where they are not a number in any frame (a taxel that is not a number
+    /// now and then is missing there), or an array of the .npz of a frame's shape that is not zero there
     #[arg(long, value_name = "nan|NAME")]
     void: Option<Void>,
     /// Magnitudes only: nothing is touched in so many of the first frames, and forces are above each taxel's median there
@@ -152,7 +152,7 @@ impl InputArgs {
         Ok(Input::Frames(recording))
     }
 
-    /// Says of cells that are not a number what they may be: of a taxel without counts, or of none.
+    /// Says of cells that are not a number what they may be: of a taxel without counts, or without a magnitude.
     fn advised(&self, error: RecordError, hand: impl FnOnce() -> anyhow::Result<Layout>) -> anyhow::Error {
         let RecordError::NotANumber {
             cells, empty_at_end, ..
@@ -160,7 +160,7 @@ impl InputArgs {
         else {
             return error.into();
         };
-        let void = "--void nan says that cells which are no number are no taxels";
+        let void = "with --void nan the taxel is missing in that frame, and cells that are NaN in all frames are no taxels";
         let Some(hand) = hand().ok().filter(|_| self.is_csv()) else {
             return anyhow::anyhow!("{error}; {void}");
         };

@@ -242,7 +242,8 @@ fn cells_that_are_no_taxels_stay_empty_and_one_without_a_value_is_missing() {
     let frames = Array3::from_shape_vec((2, 2, 2), vec![1.0, nan, 2.0, 3.0, nan, nan, 2.0, 3.0]).unwrap();
     ndarray_npy::write_npy(dir.path().join("in.npy"), &frames).unwrap();
     let err = fails(&dir, &["compress", "in.npy", "--out", "out.jsonl"], 1);
-    assert!(err.contains("--void nan"), "{err}");
+    let advice = "with --void nan the taxel is missing in that frame, and cells that are NaN in all frames are no taxels";
+    assert!(err.contains(advice), "{err}");
     for layout in [&[][..], &["--layout", "grid:2x2"]] {
         let args = [
             &["compress", "in.npy", "--void", "nan", "--out", "out.jsonl"],
