@@ -35,7 +35,8 @@ def faulty_sensors(counts, present=None):
 class Conditioner:
     """Frames in, (force, contact, faulty) out; the first pair of frames, s_0 and s_1, calibrates it.
 
-    A missing taxel has no force and no contact in that frame.
+    A missing taxel has no force and no contact in that frame. Of one that is silent in s_0 nothing is said here: the daemon takes
+    its baseline from other frames.
     """
 
     def __init__(self):

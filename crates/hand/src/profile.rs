@@ -82,7 +82,7 @@ pub struct Profile {
     #[serde(skip_serializing_if = "Option::is_none")]
     #[serde(deserialize_with = "FromMap::optional")]
     pub codebook_learning: Option<CodebookLearning>,
-    /// In which coordinates actuators are placed.
+    /// In which coordinates actuators are placed, of `follow` or `fixed`.
     pub coordinates: Coordinates,
     /// Most actuators on each part of the hand, by the layout's names of parts; parts not named
     /// share what is left of `actuators`. Empty for no such limits. For `follow`.
