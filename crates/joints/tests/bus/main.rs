@@ -1,6 +1,7 @@
 //! The bus against simulated servos, without a thread or a clock: what one servo does wrong never
 //! hides another, and what comes too late is never taken for something new.
 
+mod checks;
 mod double;
 mod full_queue;
 mod left_on;

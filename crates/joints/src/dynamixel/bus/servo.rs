@@ -1,5 +1,6 @@
 //! What is known of one servo, and how often it is asked.
 
+use super::slow::Task;
 use super::writes::{MotorLost, Write, Written};
 use crate::dynamixel::protocol2::{StatusByte, StatusError};
 use crate::dynamixel::registers::{HardwareError, Model, address};
@@ -145,17 +146,8 @@ impl Rest {
 /// that its watchdog was armed.
 const SHORTEST_RESTART_NS: u64 = 50_000_000;
 
-/// What is known of the bus watchdog of a motor that was switched on here.
-#[derive(Debug, Default, Clone, Copy, PartialEq, Eq)]
-pub(crate) enum Watch {
-    /// It is as it was armed, or has stopped the motor: the servo has said so since it could have restarted last.
-    Known,
-    /// The servo has had time to restart between two readings.
-    #[default]
-    Unchecked,
-    /// It was silent for as long: it is asked as soon as may be.
-    Doubted,
-}
+/// So often a motor that is on is asked in a round whether it still is, and so often for its watchdog, until it says so.
+const CHECK_ASKS: u8 = 3;
 
 /// One servo of the bus.
 #[derive(Debug, Clone)]
@@ -173,7 +165,12 @@ pub(crate) struct Servo {
     pub(crate) is_armed: Option<bool>,
     /// How often it is still asked at the end whether its watchdog is as it was armed, though its motor is not on here.
     pub(crate) disarm_asks: u32,
-    pub(crate) watch: Watch,
+    /// Whether the watchdog of a motor that was switched on here is as it was armed, or has stopped the motor: the servo has said
+    /// so since it could have restarted last.
+    pub(crate) is_watch_known: bool,
+    /// How often it is still asked for its watchdog, and for its state, before anything slower.
+    watchdog_asks: u8,
+    state_asks: u8,
     /// How often it is still asked, until it says so, whether its motor was left on before the port was opened.
     pub(crate) left_on_asks: u8,
     /// In which cycle it has said that its watchdog was left armed though its motor is off, until that is cleared; and whether it
@@ -211,7 +208,9 @@ impl Servo {
             is_asked_off_again: false,
             is_armed: None,
             disarm_asks: 0,
-            watch: Watch::default(),
+            is_watch_known: false,
+            watchdog_asks: 0,
+            state_asks: 0,
             left_on_asks: 0,
             left_armed_cycle: None,
             has_left_watchdog: false,
@@ -290,10 +289,7 @@ impl Servo {
                 self.state.watchdog_tripped = Some(false);
                 self.is_armed = Some(value != 0);
                 self.state.watchdogs_cleared += u64::from(std::mem::take(&mut self.has_left_watchdog));
-                self.watch = match value {
-                    0 => Watch::Unchecked,
-                    _ => Watch::Known,
-                };
+                self.is_watch_known = value != 0;
             }
             _ => {}
         }
@@ -301,11 +297,9 @@ impl Servo {
 
     /// Something of it came, good or not.
     pub(crate) fn answered(&mut self, now_ns: u64) {
-        if self.may_have_restarted(now_ns) {
-            self.watch = match self.state.alive && self.silent_in_a_row == 0 {
-                true => Watch::Unchecked,
-                false => Watch::Doubted,
-            };
+        self.is_watch_known &= !self.may_have_restarted(now_ns);
+        if !self.state.alive || self.silent_in_a_row > 0 {
+            self.check_soon();
         }
         self.heard_ns = now_ns;
         if !self.state.alive && self.silent_in_a_row > 0 {
@@ -380,9 +374,7 @@ impl Servo {
 
     /// It was asked and said nothing, for sure.
     pub(crate) fn was_silent(&mut self, now_ns: u64) {
-        if self.may_have_restarted(now_ns) {
-            self.watch = Watch::Doubted;
-        }
+        self.is_watch_known &= !self.may_have_restarted(now_ns);
         self.state.counters.timeouts += 1;
         self.silent_in_a_row += 1;
         if self.rests() {
@@ -394,6 +386,31 @@ impl Servo {
     /// Whether its motor may run here, and nobody wants it off.
     pub(crate) fn runs(&self) -> bool {
         self.state.may_run && !self.state.motor_off.unconfirmed
+    }
+
+    /// It is asked as soon as may be whether its motor is on and under its watchdog.
+    pub(crate) fn check_soon(&mut self) {
+        (self.watchdog_asks, self.state_asks) = (CHECK_ASKS, CHECK_ASKS);
+    }
+
+    /// Whether it is to say this now: of a motor that is on, and whether one is that is to be off. Nobody asks one that was silent
+    /// when it was asked last, before it answers.
+    pub(crate) fn is_check_due(&self, task: Task) -> bool {
+        let is_on = self.state.torque_enabled == Some(true) || self.state.may_run;
+        let (asks, concerns) = match task {
+            Task::Watchdog => (self.watchdog_asks, is_on),
+            _ => (self.state_asks, is_on || self.is_to_be_off),
+        };
+        asks > 0 && concerns && self.state.alive && self.silent_in_a_row == 0
+    }
+
+    /// How often it is still asked for this in the round; `None` for what is not asked so.
+    pub(crate) fn check_asks(&mut self, task: Task) -> Option<&mut u8> {
+        match task {
+            Task::Watchdog => Some(&mut self.watchdog_asks),
+            Task::State => Some(&mut self.state_asks),
+            _ => None,
+        }
     }
 
     /// Whether it is still to say whether its motor was left on. One that rests is not waited for.

@@ -1,6 +1,6 @@
 //! The slow lane: what is asked of one servo at a time, between two cycles.
 
-use super::servo::{Servo, ServoIdentity, Watch};
+use super::servo::{Servo, ServoIdentity};
 use crate::dynamixel::registers::{HardwareError, WATCHDOG_TRIPPED, address, volts};
 
 /// What is asked. Each has a length that nothing else has, so that an answer says what it answers.
@@ -18,10 +18,10 @@ pub(crate) enum Task {
     Power,
 }
 
-/// What every servo is asked in turn.
-const ROUND: [Task; 3] = [Task::State, Task::Watchdog, Task::Power];
+/// What every servo is asked in turn. Motors that are on are asked besides, ahead of all this (`cycle/checks.rs`).
+const ROUND: [Task; 2] = [Task::State, Task::Power];
 
-/// Each servo's state and power, and the watchdog of a motor that is on, are asked about once in this time.
+/// Each servo's state and power are asked about once in this time.
 const PERIOD_NS: u64 = 1_000_000_000;
 /// Between two questions out of turn (identity, alert).
 const URGENT_GAP_NS: u64 = 10_000_000;
@@ -104,32 +104,18 @@ impl SlowLane {
         if !is_turn {
             return None;
         }
-        // Of a motor that is off nobody asks for its watchdog, and it takes no turn.
-        let off = servos.iter().filter(|servo| !is_on(servo)).count();
-        self.turn_ns = now_ns + PERIOD_NS / ((ROUND.len() * n - off) as u64).max(1);
-        let after = |turn: usize| (turn + 1) % (ROUND.len() * n);
-        let of = |turn: usize| (turn / ROUND.len(), ROUND[turn % ROUND.len()]);
-        self.turn = after(self.turn);
-        if matches!(of(self.turn), (i, Task::Watchdog) if !is_on(&servos[i])) {
-            self.turn = after(self.turn);
-        }
-        let (i, task) = of(self.turn);
+        let turns = ROUND.len() * n;
+        self.turn_ns = now_ns + PERIOD_NS / (turns as u64).max(1);
+        self.turn = (self.turn + 1) % turns;
+        let (i, task) = (self.turn / ROUND.len(), ROUND[self.turn % ROUND.len()]);
         servos[i].state.alive.then_some((i, task))
     }
-}
-
-/// Whether its motor is on, as far as is known.
-fn is_on(servo: &Servo) -> bool {
-    servo.state.torque_enabled == Some(true)
 }
 
 /// What a servo has to be asked before its turn.
 fn urgent(servo: &Servo) -> Option<Task> {
     if !servo.state.alive {
         return None;
-    }
-    if servo.runs() && servo.watch == Watch::Doubted {
-        return Some(Task::Watchdog);
     }
     if servo.state.identity.is_none() {
         return Some(Task::Identity);
@@ -153,17 +139,14 @@ mod tests {
     }
 
     #[test]
-    fn identity_comes_first_then_everything_once_a_second_and_the_watchdog_only_of_a_motor_that_is_on() {
+    fn identity_comes_first_then_everything_once_a_second() {
         let mut servos = servos(3);
         let mut lane = SlowLane::default();
         let mut asked = Vec::new();
         for ms in 0..2_000_u64 {
             if let Some((i, task)) = lane.next(&servos, ms * 1_000_000) {
                 let (_, bytes) = task.span();
-                let mut data = vec![0; usize::from(bytes)];
-                // The motor of the second is on.
-                data[0] = u8::from(i == 1);
-                assert!(task.take(&mut servos[i], &data));
+                assert!(task.take(&mut servos[i], &vec![0; usize::from(bytes)]));
                 asked.push((i, task));
             }
         }
@@ -172,12 +155,7 @@ mod tests {
         for i in 0..3 {
             for task in ROUND {
                 let n = asked.iter().filter(|a| **a == (i, task)).count();
-                let wanted = if task == Task::Watchdog && i != 1 {
-                    0..=0
-                } else {
-                    1..=3
-                };
-                assert!(wanted.contains(&n), "servo {i}: {task:?} {n} times");
+                assert!((1..=3).contains(&n), "servo {i}: {task:?} {n} times");
             }
         }
         assert!(asked.len() < 20);
@@ -211,14 +189,13 @@ mod tests {
             assert!(Task::Identity.take(servo, &[0; 11]));
         }
         servos[0].state.alert = true;
-        (servos[1].state.may_run, servos[1].watch) = (true, Watch::Doubted);
         let mut lane = SlowLane::default();
         let asked: Vec<_> = (0..200)
             .filter_map(|n| lane.next(&servos, n * 10_000_000))
             .collect();
         for question in [
             (0, Task::State),
-            (1, Task::Watchdog),
+            (1, Task::State),
             (2, Task::State),
             (2, Task::Power),
         ] {

@@ -1,6 +1,7 @@
 //! Cycle after cycle: which request comes next, and what becomes of the answers.
 
 mod answers;
+mod checks;
 mod commands;
 mod repeats;
 mod requests;
@@ -17,6 +18,7 @@ use super::writes::{QUEUE, Write, WriteError};
 use crate::dynamixel::config::{DynamixelConfig, FastSyncRead, ServoConfig};
 use crate::dynamixel::protocol2::{Encoder, FAST_BLOCK_OVERHEAD, Parser, STATUS_OVERHEAD};
 use crate::dynamixel::registers::address;
+use checks::Checks;
 use repeats::Repeats;
 use std::collections::VecDeque;
 
@@ -135,6 +137,7 @@ pub struct Bus {
     fast_worked: bool,
     /// When fast sync read is tried again, where it has worked before.
     fast_again_ns: Option<u64>,
+    checks: Checks,
     lane: SlowLane,
     allow_writes: bool,
     watchdog_steps: u8,
@@ -203,6 +206,7 @@ impl Bus {
             fast_failures: 0,
             fast_worked: false,
             fast_again_ns: None,
+            checks: Checks::default(),
             lane: SlowLane::default(),
             allow_writes: config.allow_writes,
             watchdog_steps: u8::try_from(config.watchdog_ms / 20).unwrap_or(127).clamp(1, 127),
@@ -311,6 +315,7 @@ impl Bus {
         self.passes = 0;
         (self.left_on_done, self.slow_done) = (self.ends, self.ends);
         (self.writes_done, self.offs_done) = (false, false);
+        self.begin_checks();
         self.pass_active = false;
         // A cycle that the port did not see to its end leaves those that were to be asked in it.
         self.again.clear();

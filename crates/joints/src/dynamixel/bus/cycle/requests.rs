@@ -93,6 +93,9 @@ impl Bus {
         if !std::mem::replace(&mut self.left_on_done, true) && self.ask_left_on() {
             return true;
         }
+        if self.ask_check(now_ns) {
+            return true;
+        }
         if self.slow_done {
             return false;
         }
@@ -230,6 +233,8 @@ impl Bus {
         } else if task == Task::LeftOn && !self.pass.left {
             let servo = &mut self.servos[self.pass.order[0]];
             servo.left_on_asks = servo.left_on_asks.saturating_sub(1);
+        } else {
+            self.end_check(task);
         }
     }
 

@@ -6,7 +6,6 @@
 
 use super::{Bus, WRITE_TRIES};
 use crate::dynamixel::bus::pass::{Answer, Kind};
-use crate::dynamixel::bus::servo::Watch;
 use crate::dynamixel::bus::slow::Task;
 use crate::dynamixel::bus::writes::{MotorLost, Write, WriteError, WriteRefused};
 use crate::dynamixel::registers::{WATCHDOG_TRIPPED, address};
@@ -149,8 +148,8 @@ impl Bus {
             (Task::Watchdog, [watchdog]) if self.is_armed(servo) => {
                 let armed = self.watchdog_steps;
                 match *watchdog {
-                    WATCHDOG_TRIPPED => self.servos[servo].watch = Watch::Known,
-                    steps if steps == armed => self.servos[servo].watch = Watch::Known,
+                    WATCHDOG_TRIPPED => self.servos[servo].is_watch_known = true,
+                    steps if steps == armed => self.servos[servo].is_watch_known = true,
                     0 => self.lose_motor(servo, MotorLost::Restarted),
                     watchdog => self.lose_motor(servo, MotorLost::Meddled { watchdog, armed }),
                 }
@@ -243,8 +242,7 @@ impl Bus {
             write.number == first.number && write.address == first.address && write.moves()
         });
         for write in alike {
-            let watch = self.servos[write.servo].watch;
-            if watch != Watch::Known && !self.pass.order.contains(&write.servo) {
+            if !self.servos[write.servo].is_watch_known && !self.pass.order.contains(&write.servo) {
                 self.pass.order.push(write.servo);
             }
         }
@@ -261,7 +259,7 @@ impl Bus {
         let refused = self.pass.refused;
         let is_open = |bus: &Self, servo: usize| {
             let next = bus.writes.iter().find(|write| write.servo == servo);
-            bus.servos[servo].watch != Watch::Known && next.is_some_and(Write::moves)
+            !bus.servos[servo].is_watch_known && next.is_some_and(Write::moves)
         };
         let (mut tries, mut any_lives) = (0, false);
         for position in 0..self.pass.order.len() {
