@@ -80,7 +80,7 @@ pub enum JointsConfigError {
     },
     /// Servos that would stop while another one is waited for.
     #[error(
-        "joints.watchdog_ms = {watchdog_ms} is shorter than joints.answer_margin_ms = {answer_margin_ms} and a cycle of {cycle_ms} ms and {wire_ms:.1} ms on the wire at {baud} bit/s: while one servo is silent, the motors of the others would stop by themselves; make it longer, or the margin shorter"
+        "joints.watchdog_ms = {watchdog_ms} is shorter than joints.answer_margin_ms = {answer_margin_ms} and a cycle of {cycle_ms} ms and {wire_ms:.1} ms on the wire at {baud} bit/s: motors would stop by themselves, at the latest while a servo is silent; it is to be {least_ms} or more (2540 is the most), or the margin shorter, or the bus faster"
     )]
     WatchdogMargin {
         /// The watchdog's time.
@@ -89,6 +89,8 @@ pub enum JointsConfigError {
         answer_margin_ms: f64,
         /// From one cycle to the next.
         cycle_ms: f64,
+        /// The shortest that is long enough.
+        least_ms: u32,
         /// What all answers take on the wire.
         wire_ms: f64,
         /// Bits per second.

@@ -164,6 +164,40 @@ fn potentiometers_that_cannot_be_are_refused_in_words() {
 }
 
 #[test]
+fn a_watchdog_that_is_too_short_for_the_bus_is_refused_without_an_answer_margin_too() {
+    let of = |servos: u8, baud, watchdog_ms| DynamixelConfig {
+        allow_writes: true,
+        baud,
+        watchdog_ms,
+        ..DynamixelConfig::new("p", 1..=servos)
+    };
+    for (servos, baud, too_short, enough) in [
+        (16, 57_600, &[20, 60, 80][..], 100),
+        (1, 57_600, &[20], 40),
+        (48, 57_600, &[200, 240], 260),
+        (64, 57_600, &[200, 300], 320),
+        (16, 1_000_000, &[20], 40),
+        (64, 1_000_000, &[60], 80),
+    ] {
+        for watchdog_ms in too_short {
+            let config = of(servos, baud, *watchdog_ms);
+            let error = config.check().unwrap_err().to_string();
+            let words = [
+                format!("watchdog_ms = {watchdog_ms} is shorter than joints.answer_margin_ms = 4 and"),
+                format!("it is to be {enough} or more"),
+            ];
+            assert!(words.iter().all(|words| error.contains(words)), "{error}");
+            let read_only = DynamixelConfig {
+                allow_writes: false,
+                ..config
+            };
+            assert_eq!(read_only.check(), Ok(()));
+        }
+        assert_eq!(of(servos, baud, enough).check(), Ok(()), "{servos} at {baud}");
+    }
+}
+
+#[test]
 fn keys_of_another_source_are_refused_and_those_of_all_are_not() {
     let allegro = "source = \"allegro:can2\"\nallegro.version = 4\n";
     for key in [

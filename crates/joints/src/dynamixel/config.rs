@@ -1,7 +1,7 @@
 //! The keys of the `[joints]` table that are for servos.
 
 use crate::config::why_not_of;
-use crate::dynamixel::bus::{FACTORY_RETURN_DELAY_NS, PRESENT_BYTES, wire_ns};
+use crate::dynamixel::bus::{DEFAULT_MARGIN_NS, FACTORY_RETURN_DELAY_NS, PRESENT_BYTES, wire_ns};
 use crate::dynamixel::protocol2::STATUS_OVERHEAD;
 use crate::error::{JointSourceError, JointsConfigError, MAX_JOINTS};
 use crate::source::SourceConfig;
@@ -29,8 +29,9 @@ pub struct DynamixelConfig {
     /// Whether torque and PWM may be written. Without it nothing but reads and pings is ever sent.
     pub allow_writes: bool,
     /// With `allow_writes`: a servo that hears nothing for this long stops its motor, ms, 20 to
-    /// 2540 in steps of 20 (Bus Watchdog, address 98); two cycles at least, and `answer_margin_ms`, a
-    /// cycle, and what a request to all servos and their answers take on the wire.
+    /// 2540 in steps of 20 (Bus Watchdog, address 98); two cycles at least, and `answer_margin_ms`
+    /// (4 ms without that key), a cycle, and what a request to all servos and their answers take on the wire with the Return
+    /// Delay Time from the factory: 200 is too short for 48 servos at 57,600 bit/s.
     pub watchdog_ms: u16,
     /// How long an answer may take beyond its time on the wire, ms, 0.5 to 500. Without it 4 ms, or
     /// for an FTDI adapter 2 ms and twice its latency timer. A servo that falls silent, or is told
@@ -165,16 +166,17 @@ impl DynamixelConfig {
             });
         }
         let cycle_ms = 1000.0 / self.rate_hz;
-        if let Some(answer_margin_ms) = self.answer_margin_ms
-            && self.allow_writes
-            && f64::from(self.watchdog_ms) < answer_margin_ms + cycle_ms + self.wire_ms()
-        {
+        let default_ms = DEFAULT_MARGIN_NS as f64 / 1e6;
+        let answer_margin_ms = self.answer_margin_ms.unwrap_or(default_ms);
+        let least_ms = answer_margin_ms + cycle_ms + self.wire_ms();
+        if self.allow_writes && f64::from(self.watchdog_ms) < least_ms {
             return Err(JointsConfigError::WatchdogMargin {
                 watchdog_ms: self.watchdog_ms,
                 answer_margin_ms,
                 cycle_ms,
                 wire_ms: self.wire_ms(),
                 baud: self.baud,
+                least_ms: 20 * (least_ms / 20.0).ceil() as u32,
             });
         }
         Ok(())

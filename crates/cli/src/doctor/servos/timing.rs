@@ -195,7 +195,7 @@ mod tests {
             ..DynamixelConfig::new("p", 1..=servos)
         };
         let few = |watchdog_ms| of(2, 1_000_000, 100.0, watchdog_ms);
-        let slow = of(64, 9600, 1.0, 2540);
+        let slow = of(64, 9600, 1.2, 2540);
         for (mut config, slowest_ms, margin, watchdog_ms, words) in [
             (few(200), 30, Some(60.0), 200, "= 60.0 into [joints]; or"),
             (few(60), 30, Some(60.0), 80, "= 60.0 and watchdog_ms = 80, which"),
