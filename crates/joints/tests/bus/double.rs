@@ -141,6 +141,20 @@ fn two_servos_that_spoil_each_other_in_one_packet_are_found_by_what_they_are_ask
         }
         let counters = w.bus.servo(1).unwrap().counters;
         assert_eq!((counters.double > 2, counters.late), (double, 0), "{fault:?}");
+        // Where only one of the two knows the instruction, it alone is in the packet.
+        w.servos.set_fault(2, None, 1);
+        let wanted = if double {
+            Err(NoReading::Double)
+        } else {
+            Ok(still(2))
+        };
+        for results in w.cycles(100) {
+            assert_eq!(results[1], wanted, "{fault:?}");
+        }
+        let alone_ns = w.now_ns;
+        while w.cycle(MS)[1] != Ok(still(2)) {
+            assert!(w.now_ns - alone_ns < 3_000 * MS, "it is alone");
+        }
     }
 }
 

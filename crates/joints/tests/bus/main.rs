@@ -216,6 +216,14 @@ fn identity_voltage_and_temperature_come_by_the_slow_lane() {
         assert_eq!(w.bus.results()[i].unwrap().current_a, Some(0.0));
     }
     assert_eq!(w.bus.counters().slow_unanswered, 0);
+    // While the port was away another servo may have taken the place of one.
+    w.bus.port_lost();
+    w.bus.port_opened();
+    w.cycle(0);
+    assert_eq!(w.bus.results()[0].unwrap().current_a, None);
+    w.cycles(400);
+    assert_eq!(w.bus.servo(0).unwrap().identity.unwrap().model_number, 1030);
+    assert_eq!(w.bus.results()[0].unwrap().current_a, Some(0.0));
 }
 
 #[test]

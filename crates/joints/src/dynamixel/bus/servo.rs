@@ -257,6 +257,8 @@ impl Servo {
         (self.told_bytes, self.owed, self.usual_ns) = (None, 0, 0);
         (self.withhold, self.double_ns) = (false, [None; 2]);
         self.is_told_off = false;
+        // Another servo may have its place.
+        self.state.identity = None;
         // Another program may have armed it meanwhile.
         self.is_armed = self.is_armed.filter(|is_armed| *is_armed);
     }

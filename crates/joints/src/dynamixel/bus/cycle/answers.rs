@@ -232,6 +232,7 @@ impl Bus {
         let i = self.pass.order[position];
         let t_ns = self.answer_begun_ns(position, bytes, now_ns);
         let lead = usize::from(self.pass.data_bytes) - PRESENT_BYTES;
+        let is_fast = self.pass.kind == Kind::Fast;
         let servo = &mut self.servos[i];
         servo.answered(now_ns);
         servo.state.counters.alerts += u64::from(status.alert());
@@ -239,7 +240,8 @@ impl Bus {
         self.results[i] = if let Some(error) = status.error() {
             servo.state.counters.refused += 1;
             Err(NoReading::Refused(error))
-        } else if std::mem::take(&mut servo.withhold) {
+        } else if std::mem::take(&mut servo.withhold) || is_fast && servo.is_shared(now_ns) {
+            // In one packet only one of two has its place, or only one knows the instruction.
             Err(NoReading::Double)
         } else if let Some(present) = data.get(lead..).and_then(|d| d.first_chunk()) {
             let unit = servo.current_unit_a();
