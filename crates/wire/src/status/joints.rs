@@ -158,7 +158,7 @@ part! {
         id: u8,
         /// Velocity, radians per second.
         velocity_rad_s: Option<f64>,
-        /// Current, amperes.
+        /// Current, amperes, with the sign of the joint: negated where `direction` is -1.
         current_a: Option<f64>,
         /// Temperature, degrees Celsius.
         temperature_c: Option<u8>,
