@@ -81,15 +81,21 @@ pub fn servo_state(joint: usize, name: &str, state: &ServoState, was_hot: bool) 
     let place = Place::Joint(joint);
     let mut found = Vec::new();
     let error = state.hardware_error.unwrap_or(HardwareError(0));
+    let motor = match state.torque_enabled {
+        Some(true) => {
+            "Its motor is on and obeys all the same: its Shutdown (address 63) leaves this error out"
+        }
+        _ => "Its motor stays off until it is rebooted",
+    };
     let told = match error.is_none() {
         false => Some((
-            format!("{error}. Its motor stays off until it is rebooted; its angle goes on"),
+            format!("{error}. {motor}; its angle goes on"),
             format!("{}; then reboot it", cures(error)),
         )),
         // It is asked at once which one it is; one that refuses that never says.
         true => (state.alert && state.refusal.is_some()).then(|| {
             (
-                "it does not say which, since it refuses to be read. Its motor stays off until it is rebooted".into(),
+                format!("it does not say which, since it refuses to be read. {motor}"),
                 "Reboot it".into(),
             )
         }),

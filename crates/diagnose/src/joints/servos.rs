@@ -451,7 +451,7 @@ pub fn missing_servos(source: &str, baud: u32) -> Problem {
         Place::Joints,
         "no servo answers".into(),
         format!(
-            "check their supply and the cable, and that they are set to baud = {baud} (`taxel doctor --joints {}` looks for others). They are asked again twice a second",
+            "check their supply and the cable, and that they are set to baud = {baud} (`taxel doctor --joints {} --ids 1-16` looks for others). They are asked again twice a second",
             shell_word(source)
         ),
         "servos answer".into(),

@@ -67,7 +67,7 @@ impl JointsBench {
 #[test]
 fn a_servo_that_is_silent_late_damaged_hot_or_failed_is_named_with_what_to_do() {
     type Change = fn(&mut JointsView);
-    let cases: [(&str, Change, Change, &[&str], &str); 17] = [
+    let cases: [(&str, Change, Change, &[&str], &str); 18] = [
         (
             "motor-lost",
             |v| servo(v, 1).motor_lost = Some(MotorLost::Restarted),
@@ -201,7 +201,22 @@ fn a_servo_that_is_silent_late_damaged_hot_or_failed_is_named_with_what_to_do() 
             &[
                 "servo 2",
                 "overheating, overload",
+                "stays off until it is rebooted",
                 "Let it cool down, free the joint; then reboot it",
+            ],
+            "no hardware error",
+        ),
+        (
+            "servo-error",
+            |v| {
+                servo(v, 1).hardware_error = Some(HardwareError(0x01));
+                servo(v, 1).torque_enabled = Some(true);
+            },
+            |v| servo(v, 1).hardware_error = Some(HardwareError(0)),
+            &[
+                "servo 2",
+                "input voltage",
+                "Its motor is on and obeys all the same",
             ],
             "no hardware error",
         ),

@@ -38,7 +38,7 @@ fn an_adapter_that_is_unplugged_is_one_problem_and_its_servos_are_none() {
     bench.said(&[&[
         "no servo answers",
         "baud = 1000000",
-        "taxel doctor --joints dynamixel:/dev/servos",
+        "taxel doctor --joints dynamixel:/dev/servos --ids 1-16`",
     ]]);
     bench.pass(500, |view| {
         (0..3).for_each(|joint| servo(view, joint).alive = true)
