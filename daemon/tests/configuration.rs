@@ -415,7 +415,12 @@ fn a_place_or_group_that_the_daemons_user_cannot_have_is_refused_by_check_as_by_
     let open = |path: &Path, mode| std::fs::set_permissions(path, Permissions::from_mode(mode)).unwrap();
     open(folder.path(), 0o755);
     let taxeld = at("taxeld");
-    std::fs::copy(env!("CARGO_BIN_EXE_taxeld"), &taxeld).unwrap();
+    // By another process: while a test beside this one forks, nobody can run what is open here to be written.
+    let copied = Command::new("cp")
+        .arg(env!("CARGO_BIN_EXE_taxeld"))
+        .arg(&taxeld)
+        .status();
+    assert!(copied.unwrap().success());
     for (name, mode) in [("closed", 0o555), ("open", 0o777)] {
         std::fs::create_dir(at(name)).unwrap();
         open(&at(name), mode);
