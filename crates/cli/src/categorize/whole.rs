@@ -199,45 +199,48 @@ mod tests {
             (
                 &[(0, "a"), (13, "b"), (26, "away"), (38, "c")][..],
                 None,
-                &[0..13, 13..26][..],
+                &[(0, 13), (13, 26)][..],
                 Some("2 frames"),
             ),
             (
                 &[(0, "a"), (13, "b"), (26, "away"), (27, "c")],
                 motion,
-                &[0..13, 13..26, 27..40],
+                &[(0, 13), (13, 26), (27, 40)],
                 None,
             ),
             (
                 &[(0, "a"), (13, "b"), (26, "away"), (28, "c")],
                 motion,
-                &[0..13, 13..26],
+                &[(0, 13), (13, 26)],
                 Some("12 frames"),
             ),
             // Nearly as long as the others.
             (
                 &[(0, "a"), (13, "b"), (26, "away"), (28, "c")],
                 None,
-                &[0..13, 13..26, 28..40],
+                &[(0, 13), (13, 26), (28, 40)],
                 None,
             ),
             // A mark ends it.
             (
                 &[(0, "a"), (13, "b"), (26, "c"), (28, "away")],
                 None,
-                &[0..13, 13..26, 26..28],
+                &[(0, 13), (13, 26), (26, 28)],
                 None,
             ),
             (
                 &[(0, "a"), (13, "b"), (26, "away"), (40, "c")],
                 None,
-                &[0..13, 13..26],
+                &[(0, 13), (13, 26)],
                 Some("no frame"),
             ),
-            (&[(26, "away"), (38, "c")], None, &[38..40], None),
+            (&[(26, "away"), (38, "c")], None, &[(38, 40)], None),
         ] {
             let (touches, told) = by_marks(&times, &marks(of), "away", motion).unwrap();
-            let frames: Vec<_> = touches.into_iter().map(|cut| cut.frames).collect();
+            let frames: Vec<_> = touches
+                .iter()
+                .map(|cut| (cut.frames.start, cut.frames.end))
+                .collect();
             assert_eq!(frames, left, "{of:?}");
             assert_eq!(told.is_some(), said.is_some(), "{told:?}");
             assert!(

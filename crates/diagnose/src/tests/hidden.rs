@@ -108,7 +108,7 @@ fn a_board_that_is_found_elsewhere_or_cannot_be_read_does_not_speak_again() {
     let one: Change = |s| s.boards[1].state = BoardState::Silent;
     let bus: Change = |s| silent(s, &Layout::builtin("allegro-uskin-15").expect("built in"), false);
     for (before, change, finding, kind) in [
-        ("board-silent", one, Some(swapped.clone()), "buses-swapped"),
+        ("board-silent", one, Some(swapped), "buses-swapped"),
         ("bus-silent", bus, Some(swapped), "buses-swapped"),
         ("board-silent", one, Some(moved), "board-on-other-bus"),
         ("bus-silent", bus, None, "board-malformed"),
@@ -121,7 +121,7 @@ fn a_board_that_is_found_elsewhere_or_cannot_be_read_does_not_speak_again() {
         assert_eq!(bench.kinds(), [before]);
         bench.told();
         bench.pass(1500, |s| match &finding {
-            Some(finding) => s.findings = vec![finding.clone()],
+            Some(finding) => s.findings = vec![*finding],
             None => of_bus.iter().for_each(|m| {
                 s.boards[*m].state = BoardState::Streaming;
                 s.boards[*m].malformed += 20;
