@@ -225,12 +225,14 @@ pub struct Model {
     pub number: u16,
     /// Name on the case.
     pub name: &'static str,
-    /// What one count of Present Current is, in milliamperes times 100; 0 where there is no current sensor.
+    /// What one count of Present Current is, in milliamperes times 100; 0 where there is no current sensor, or its unit is not
+    /// known here.
     current_unit_10ua: u16,
 }
 
-/// X-series servos whose registers agree with those above. The currents' units are their data sheets'.
-static MODELS: [Model; 11] = {
+/// X-series servos whose registers agree with those above, by ROBOTIS's own tables (`control_table` of the Dynamixel SDK). The
+/// currents' units are their data sheets'.
+static MODELS: [Model; 31] = {
     const fn model(number: u16, name: &'static str, current_unit_10ua: u16) -> Model {
         Model {
             number,
@@ -250,6 +252,26 @@ static MODELS: [Model; 11] = {
         model(1130, "XM540-W150", 269),
         model(1190, "XL330-M077", 100),
         model(1200, "XL330-M288", 100),
+        model(1001, "XD430-T350", 0),
+        model(1011, "XD430-T210", 0),
+        model(1070, "XC430-W150", 0),
+        model(1080, "XC430-W240", 0),
+        model(1090, "2XL430-W250", 0),
+        model(1100, "XH540-W270", 0),
+        model(1101, "XD540-T270", 0),
+        model(1110, "XH540-W150", 0),
+        model(1111, "XD540-T150", 0),
+        model(1140, "XH540-V270", 0),
+        model(1150, "XH540-V150", 0),
+        model(1160, "2XC430-W250", 0),
+        model(1170, "XW540-T260", 0),
+        model(1180, "XW540-T140", 0),
+        model(1210, "XC330-T181", 0),
+        model(1220, "XC330-T288", 0),
+        model(1230, "XC330-M181", 0),
+        model(1240, "XC330-M288", 0),
+        model(1270, "XW430-T333", 0),
+        model(1310, "XW540-H260", 0),
     ]
 };
 
@@ -259,7 +281,7 @@ impl Model {
         MODELS.iter().find(|m| m.number == number)
     }
 
-    /// What one count of Present Current is, in amperes; `None` where the servo has no current sensor.
+    /// What one count of Present Current is, in amperes; `None` where the servo has no current sensor, or that is not known.
     pub fn current_unit_a(&self) -> Option<f64> {
         (self.current_unit_10ua > 0).then(|| f64::from(self.current_unit_10ua) * 1e-5)
     }
@@ -419,6 +441,12 @@ mod tests {
         assert!((velocity_rad_s(-100) + 2.398_08).abs() < 1e-4);
         assert!((Model::of(1030).unwrap().current_unit_a().unwrap() - 0.00269).abs() < 1e-12);
         assert_eq!(Model::of(1060).unwrap().current_unit_a(), None);
+        // Of the others only that their angles are those of the table is known.
+        for (number, name) in [(1110, "XH540-W150"), (1240, "XC330-M288")] {
+            let model = Model::of(number).unwrap();
+            assert_eq!((model.name, model.current_unit_a()), (name, None));
+        }
+        assert_eq!(Model::of(311), None, "an MX-64 has no bus watchdog");
         assert!((pwm_share(885) - 1.0).abs() < 1e-3);
         assert!((volts(121) - 12.1).abs() < 1e-12);
     }
