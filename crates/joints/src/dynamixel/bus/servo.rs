@@ -1,6 +1,5 @@
 //! What is known of one servo, and how often it is asked.
 
-use super::slow::Task;
 use super::writes::{MotorLost, Write, Written};
 use crate::dynamixel::protocol2::{StatusByte, StatusError};
 use crate::dynamixel::registers::{HardwareError, Model, address};
@@ -168,9 +167,8 @@ pub(crate) struct Servo {
     /// Whether the watchdog of a motor that was switched on here is as it was armed, or has stopped the motor: the servo has said
     /// so since it could have restarted last.
     pub(crate) is_watch_known: bool,
-    /// How often it is still asked for its watchdog, and for its state, before anything slower.
-    watchdog_asks: u8,
-    state_asks: u8,
+    /// How often it is still asked for each of what a motor that is on is asked (`cycle/checks.rs`).
+    pub(crate) check_asks: [u8; 2],
     /// How often it is still asked, until it says so, whether its motor was left on before the port was opened.
     pub(crate) left_on_asks: u8,
     /// In which cycle it has said that its watchdog was left armed though its motor is off, until that is cleared; and whether it
@@ -191,7 +189,7 @@ pub(crate) struct Servo {
     double_ns: [Option<u64>; 2],
     /// When something of it came last in a cycle, nanoseconds.
     heard_ns: u64,
-    silent_in_a_row: u32,
+    pub(crate) silent_in_a_row: u32,
     /// When it is asked again; it is asked in every cycle where it does not rest.
     pub(crate) rest: Rest,
     /// When its motor is told again to be off.
@@ -209,8 +207,7 @@ impl Servo {
             is_armed: None,
             disarm_asks: 0,
             is_watch_known: false,
-            watchdog_asks: 0,
-            state_asks: 0,
+            check_asks: [0; 2],
             left_on_asks: 0,
             left_armed_cycle: None,
             has_left_watchdog: false,
@@ -392,27 +389,7 @@ impl Servo {
 
     /// It is asked as soon as may be whether its motor is on and under its watchdog.
     pub(crate) fn check_soon(&mut self) {
-        (self.watchdog_asks, self.state_asks) = (CHECK_ASKS, CHECK_ASKS);
-    }
-
-    /// Whether it is to say this now: of a motor that is on, and whether one is that is to be off. Nobody asks one that was silent
-    /// when it was asked last, before it answers.
-    pub(crate) fn is_check_due(&self, task: Task) -> bool {
-        let is_on = self.state.torque_enabled == Some(true) || self.state.may_run;
-        let (asks, concerns) = match task {
-            Task::Watchdog => (self.watchdog_asks, is_on),
-            _ => (self.state_asks, is_on || self.is_to_be_off),
-        };
-        asks > 0 && concerns && self.state.alive && self.silent_in_a_row == 0
-    }
-
-    /// How often it is still asked for this in the round; `None` for what is not asked so.
-    pub(crate) fn check_asks(&mut self, task: Task) -> Option<&mut u8> {
-        match task {
-            Task::Watchdog => Some(&mut self.watchdog_asks),
-            Task::State => Some(&mut self.state_asks),
-            _ => None,
-        }
+        self.check_asks = [CHECK_ASKS; 2];
     }
 
     /// Whether it is still to say whether its motor was left on. One that rests is not waited for.

@@ -6,6 +6,7 @@
 
 use super::Bus;
 use crate::dynamixel::bus::pass::{Answer, Kind};
+use crate::dynamixel::bus::servo::Servo;
 use crate::dynamixel::bus::slow::Task;
 
 /// What they are asked for. First the watchdog, which tells a restart from a motor that has gone off.
@@ -36,8 +37,9 @@ impl Bus {
             self.begin_round(now_ns);
         }
         while let Some(task) = CHECKS.get(self.checks.turn).copied() {
+            let check = self.checks.turn;
             self.checks.turn += 1;
-            let due = (0..self.servos.len()).filter(|i| self.servos[*i].is_check_due(task));
+            let due = (0..self.servos.len()).filter(|i| is_due(&self.servos[*i], check));
             self.pass.order.clear();
             self.pass.order.extend(due);
             if !self.pass.order.is_empty() {
@@ -60,10 +62,11 @@ impl Bus {
 
     /// Those servos have said so, or will not any more. Those that may only have waited for a silent one are asked again.
     pub(super) fn end_check(&mut self, task: Task) {
+        let Some(check) = CHECKS.iter().position(|check| *check == task) else {
+            return;
+        };
         for (position, i) in self.pass.order.iter().copied().enumerate() {
-            let Some(asks) = self.servos[i].check_asks(task) else {
-                return;
-            };
+            let asks = &mut self.servos[i].check_asks[check];
             match self.pass.answers[position] {
                 Answer::Got => *asks = 0,
                 Answer::Awaited if !self.pass.is_silent(position) => {}
@@ -71,4 +74,12 @@ impl Bus {
             }
         }
     }
+}
+
+/// Whether a servo is to say this now: of a motor that is on, and whether one is that is to be off. Nobody asks one that was
+/// silent when it was asked last, before it answers.
+fn is_due(servo: &Servo, check: usize) -> bool {
+    let is_on = servo.state.torque_enabled == Some(true) || servo.state.may_run;
+    let concerns = is_on || CHECKS[check] == Task::State && servo.is_to_be_off;
+    servo.check_asks[check] > 0 && concerns && servo.state.alive && servo.silent_in_a_row == 0
 }
