@@ -148,7 +148,6 @@ impl Thread {
             std::mem::swap(&mut shared.commands, &mut self.commands);
             shared.snapshot.results.copy_from_slice(self.bus.results());
             shared.take_servos(&mut self.bus);
-            shared.snapshot.counters = self.bus.counters();
             shared.snapshot.fast = self.bus.fast_state();
             for (joint, result) in self.bus.results().iter().enumerate() {
                 if let Ok(reading) = result {

@@ -52,13 +52,15 @@ impl Shared {
         });
     }
 
-    /// Takes over what is known of the servos, and what became of what they were told.
+    /// Takes over what is known of the servos and their bus, and what became of what they were told.
     pub(super) fn take_servos(&mut self, bus: &mut Bus) {
         for (i, state) in self.snapshot.servos.iter_mut().enumerate() {
             if let Some(servo) = bus.servo(i) {
                 *state = *servo;
             }
         }
+        // Whoever is told that it holds finds it counted.
+        self.snapshot.counters = bus.counters();
         self.outcomes.append(bus.take_outcomes());
     }
 }
