@@ -113,11 +113,13 @@ impl Daemon {
         let realtime = config.realtime;
         let Pipeline {
             thread,
+            arrays,
             seed,
             clock,
             commands,
             clients,
         } = start::open_pipeline(&config, &shared)?;
+        sockets::lock(&sockets).arrays = arrays;
         let joint_reader = thread.joint_reader.clone();
         daemon.joints = joint_reader.clone();
         if realtime.lock_memory

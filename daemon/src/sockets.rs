@@ -9,6 +9,7 @@ use std::path::PathBuf;
 use std::rc::Rc;
 use std::sync::{Arc, Mutex, MutexGuard};
 use std::time::Duration;
+use taxel_can::PressureRenewal;
 use taxel_config::Config;
 use taxel_serve::{SocketPath, SocketPathError};
 use taxel_wire::{Event, EventKind};
@@ -27,6 +28,8 @@ pub(crate) enum Which {
     Images,
     Control,
     Status,
+    /// That of a pressure array, among these.
+    Array(usize),
 }
 
 /// The daemon's sockets, which listen.
@@ -37,9 +40,17 @@ pub(crate) struct Listeners {
     pub(crate) images: OwnedFd,
 }
 
+/// The socket to which the frames of a pressure array are sent: its place, and the way to what reads it.
+#[derive(Debug)]
+pub(crate) struct ArraySocket {
+    pub(crate) place: SocketPath,
+    pub(crate) renewal: PressureRenewal,
+}
+
 /// The places of the daemon's sockets. The one that was taken first goes last, and its folder with it.
 #[derive(Debug)]
 pub(crate) struct Sockets {
+    pub(crate) arrays: Vec<ArraySocket>,
     status: SocketPath,
     control: SocketPath,
     images: SocketPath,
@@ -55,6 +66,7 @@ impl Sockets {
         let control = SocketPath::take(&socket.control, control_mode, &control.group)?;
         let status = SocketPath::take(&socket.status_path(), mode, &socket.group)?;
         Ok(Self {
+            arrays: Vec::new(),
             status,
             control,
             images,
@@ -63,7 +75,7 @@ impl Sockets {
 
     /// Has all of them listen. Those who come wait until they are let in.
     pub(crate) fn listen(&mut self) -> Result<Listeners, SocketPathError> {
-        let mut listen = |which: Which| self.place(which).listen(which.kind(), BACKLOG);
+        let mut listen = |which: Which| which.listen(self.place(which));
         Ok(Listeners {
             control: listen(Which::Control)?,
             status: listen(Which::Status)?,
@@ -76,19 +88,24 @@ impl Sockets {
             Which::Images => &mut self.images,
             Which::Control => &mut self.control,
             Which::Status => &mut self.status,
+            Which::Array(array) => &mut self.arrays[array].place,
         }
     }
 
     /// Takes again what does not lead here any more, in the order of the start.
     fn retake(&mut self) -> Vec<Retaken> {
         let mut retaken = Vec::new();
-        for which in [Which::Images, Which::Control, Which::Status] {
+        let arrays = (0..self.arrays.len()).map(Which::Array);
+        for which in [Which::Images, Which::Control, Which::Status]
+            .into_iter()
+            .chain(arrays)
+        {
             let place = self.place(which);
             if !place.is_whole() {
                 retaken.push(Retaken {
                     which,
                     path: place.path().to_owned(),
-                    listener: place.retake(which.kind(), BACKLOG),
+                    socket: place.retake(|place| which.listen(place)),
                 });
             }
         }
@@ -97,23 +114,25 @@ impl Sockets {
 }
 
 impl Which {
-    fn kind(self) -> SockType {
+    fn listen(self, place: &mut SocketPath) -> Result<OwnedFd, SocketPathError> {
         match self {
-            Self::Images => SockType::SeqPacket,
-            Self::Control | Self::Status => SockType::Stream,
+            Self::Images => place.listen(SockType::SeqPacket, BACKLOG),
+            Self::Control | Self::Status => place.listen(SockType::Stream, BACKLOG),
+            Self::Array(_) => place.bind(SockType::Datagram),
         }
     }
 }
 
-/// A place that was spoilt and is taken again: with a listener, where its socket had gone.
+/// A place that was spoilt and is taken again: with another socket, where its own had gone.
 struct Retaken {
     which: Which,
     path: PathBuf,
-    listener: Result<Option<OwnedFd>, SocketPathError>,
+    socket: Result<Option<OwnedFd>, SocketPathError>,
 }
 
-/// Who serves the control sockets.
+/// Who serves the sockets.
 struct Serving {
+    sockets: Arc<Mutex<Sockets>>,
     state: Rc<State>,
     control: JoinHandle<()>,
     status: JoinHandle<()>,
@@ -124,6 +143,7 @@ impl Serving {
     async fn listen(&mut self, which: Which, listener: OwnedFd) -> io::Result<()> {
         let before = match which {
             Which::Images => return self.state.server.listen(listener).await,
+            Which::Array(array) => return lock(&self.sockets).arrays[array].renewal.renew(listener),
             Which::Control => {
                 let listener = UnixListener::from_std(listener.into())?;
                 let anew = spawn_local(serve_control(listener, self.state.clone()));
@@ -149,6 +169,7 @@ pub(crate) async fn serve(
     state: Rc<State>,
 ) {
     let mut serving = Serving {
+        sockets: sockets.clone(),
         control: spawn_local(serve_control(control, state.clone())),
         status: spawn_local(serve_status(status, state.clone())),
         state: state.clone(),
@@ -159,16 +180,11 @@ pub(crate) async fn serve(
         period.tick().await;
         let retaken = lock(&sockets).retake();
         let (mut again, mut lost) = (Vec::new(), Vec::new());
-        for Retaken {
-            which,
-            path,
-            listener,
-        } in retaken
-        {
+        for Retaken { which, path, socket } in retaken {
             let path = path.display().to_string();
-            let served = match listener {
+            let served = match socket {
                 Ok(None) => Ok(()),
-                Ok(Some(listener)) => serving.listen(which, listener).await.map_err(|error| {
+                Ok(Some(socket)) => serving.listen(which, socket).await.map_err(|error| {
                     // To be tried again.
                     lock(&sockets).place(which).unbind();
                     format!("cannot listen on it: {error}")
@@ -196,6 +212,6 @@ pub(crate) async fn serve(
     }
 }
 
-fn lock(sockets: &Mutex<Sockets>) -> MutexGuard<'_, Sockets> {
+pub(crate) fn lock(sockets: &Mutex<Sockets>) -> MutexGuard<'_, Sockets> {
     sockets.lock().unwrap_or_else(|e| e.into_inner())
 }

@@ -1,7 +1,10 @@
 //! The buses of a configuration, opened.
 
 use crate::StartError;
+use crate::sockets::ArraySocket;
 use nix::sys::socket::SockType;
+use std::any::Any;
+use std::os::fd::OwnedFd;
 use std::path::Path;
 use taxel_can::{CanSource, PressureSocket, SourceAddress, SourceOptions};
 use taxel_config::Config;
@@ -18,17 +21,23 @@ pub(crate) fn are_recorded(config: &Config) -> bool {
     sources.all(|s| matches!(s, SourceAddress::Log { .. }))
 }
 
-/// Opens the buses of the skin in the layout's order, then that of joints on a bus of their own.
-/// Scenes and recordings begin at `start_ns`.
-pub(crate) fn open(config: &Config, start_ns: u64) -> Result<Vec<Box<dyn CanSource>>, StartError> {
+/// Buses, opened.
+pub(crate) struct Sources {
+    /// Those of the skin in the layout's order, then that of joints on a bus of their own.
+    pub(crate) buses: Vec<Box<dyn CanSource>>,
+    /// The sockets of those that are pressure arrays.
+    pub(crate) arrays: Vec<ArraySocket>,
+}
+
+/// Opens the buses. Scenes and recordings begin at `start_ns`.
+pub(crate) fn open(config: &Config, start_ns: u64) -> Result<Sources, StartError> {
+    let mut arrays = Vec::new();
     let own = config.joints_bus().filter(|bus| !bus.shared);
     let own = own.as_ref();
     let joints_name = "joints".to_string();
     let skin = config.sources.iter().zip(&config.layout.buses);
-    (skin
-        .chain(own.map(|bus| (&bus.address, &joints_name)))
-        .enumerate())
-    .map(|(bus, (address, name))| {
+    let buses = skin.chain(own.map(|bus| (&bus.address, &joints_name)));
+    let open = |(bus, (address, name)): (usize, (&SourceAddress, &String))| {
         // Of a bus of the skin everything: a node that babbles is to be seen, and what is nobody's counted.
         let filters = own
             .filter(|_| bus >= config.layout.buses.len())
@@ -39,7 +48,14 @@ pub(crate) fn open(config: &Config, start_ns: u64) -> Result<Vec<Box<dyn CanSour
             receive_buffer: config.can.receive_buffer_kib as usize * 1024,
             start_ns,
         };
-        let source = open_one(config, bus, address, name, &options)?;
+        let source = match address {
+            SourceAddress::Pressure { path } => {
+                let (source, array) = open_kept_array(config, bus, path, name)?;
+                arrays.push(array);
+                source
+            }
+            _ => open_one(config, bus, address, name, &options)?,
+        };
         if let Some(sentence) = left_out(config, address, &*source) {
             tracing::info!("{name}: {sentence}");
         }
@@ -47,8 +63,9 @@ pub(crate) fn open(config: &Config, start_ns: u64) -> Result<Vec<Box<dyn CanSour
             tracing::warn!("{name}: {sentence}");
         }
         Ok(source)
-    })
-    .collect()
+    };
+    let buses = buses.enumerate().map(open).collect::<Result<_, StartError>>()?;
+    Ok(Sources { buses, arrays })
 }
 
 /// Which interfaces of a recording no bus of the hand plays, in a sentence.
@@ -124,13 +141,6 @@ fn open_one(
         SourceAddress::Sim { scene } => {
             open_scene(scene, config, bus as u8, options.start_ns).map_err(|error| fail(true, error))
         }
-        SourceAddress::Pressure { path } => {
-            open_array(config, bus, path).map_err(|error| StartError::Source {
-                bus: name.to_owned(),
-                is_lasting: error.is_lasting(),
-                error: error.into(),
-            })
-        }
         SourceAddress::Log {
             path,
             interface: Some(interface),
@@ -174,16 +184,51 @@ fn interfaces(path: &Path) -> String {
 /// Makes the socket that the frames of the pressure array on a bus (index) are sent to, with the owner and mode of the
 /// control socket: who sends touch changes what is felt. It is there as long as the source.
 pub fn open_array(config: &Config, bus: usize, path: &Path) -> Result<Box<dyn CanSource>, StartError> {
-    // The configuration was checked.
-    let size = config.layout.array_on(bus).unwrap_or([1, 1]);
+    let (socket, place) = bind_array(config, path)?;
+    Ok(Box::new(array(config, bus, socket, place)?))
+}
+
+/// The same of one whose socket is made again where somebody removes it.
+fn open_kept_array(
+    config: &Config,
+    bus: usize,
+    path: &Path,
+    name: &str,
+) -> Result<(Box<dyn CanSource>, ArraySocket), StartError> {
+    let open = || {
+        let (socket, place) = bind_array(config, path)?;
+        let mut source = array(config, bus, socket, ())?;
+        let renewal = source.renewal();
+        Ok((
+            Box::new(source) as Box<dyn CanSource>,
+            ArraySocket { place, renewal },
+        ))
+    };
+    open().map_err(|error: StartError| StartError::Source {
+        bus: name.to_owned(),
+        is_lasting: error.is_lasting(),
+        error: error.into(),
+    })
+}
+
+fn bind_array(config: &Config, path: &Path) -> Result<(OwnedFd, SocketPath), StartError> {
     let mode = config.control.mode_bits().unwrap_or(0o600);
     let mut place = SocketPath::take(path, mode, &config.control.group)?;
-    let socket = place.bind(SockType::Datagram)?;
-    let source = PressureSocket::new(socket, size, place).map_err(|error| StartError::System {
+    Ok((place.bind(SockType::Datagram)?, place))
+}
+
+fn array(
+    config: &Config,
+    bus: usize,
+    socket: OwnedFd,
+    place: impl Any + Send,
+) -> Result<PressureSocket, StartError> {
+    // The configuration was checked.
+    let size = config.layout.array_on(bus).unwrap_or([1, 1]);
+    PressureSocket::new(socket, size, place).map_err(|error| StartError::System {
         what: "read the socket of a pressure array",
         error,
-    })?;
-    Ok(Box::new(source))
+    })
 }
 
 type Refusal = Box<dyn std::error::Error + Send + Sync>;

@@ -4,6 +4,8 @@ use crate::config::RealtimeConfig;
 use crate::descriptors::Descriptors;
 use crate::image_maker::ImageMaker;
 use crate::snapshot::Snapshot;
+use crate::sockets::ArraySocket;
+use crate::sources::Sources;
 use crate::tick::{self, Command, PipelineClock, Shared, TickThread};
 use crate::{Config, StartError, gather, realtime, sources};
 use std::os::fd::OwnedFd;
@@ -27,6 +29,7 @@ type Go = watch::Receiver<bool>;
 /// A hand that can be read, and what there is for those who are to be served.
 pub(crate) struct Pipeline {
     pub(crate) thread: TickThread,
+    pub(crate) arrays: Vec<ArraySocket>,
     pub(crate) seed: ServerSeed<ImageMaker>,
     pub(crate) clock: PipelineClock,
     pub(crate) commands: mpsc::SyncSender<Command>,
@@ -76,7 +79,10 @@ pub(crate) fn open_pipeline(config: &Config, shared: &Arc<Shared>) -> Result<Pip
     };
     // A recording's time starts at exactly zero, or its images would bear other times in every run.
     let start_ns = if recorded { 0 } else { monotonic_ns() };
-    let sources = sources::open(config, start_ns)?;
+    let Sources {
+        buses: sources,
+        arrays,
+    } = sources::open(config, start_ns)?;
     let joint_reader = joint_reader(config)?;
     let engine = Engine::new(&config.engine(joint_reader.is_some())?, start_ns)?;
     let wire_clock = match recorded {
@@ -111,6 +117,7 @@ pub(crate) fn open_pipeline(config: &Config, shared: &Arc<Shared>) -> Result<Pip
     };
     Ok(Pipeline {
         thread,
+        arrays,
         seed,
         clock,
         commands,

@@ -178,6 +178,31 @@ def test_the_socket_is_the_daemon_s_alone_and_a_killed_one_s_is_taken_over(array
     assert array.stop() == 0 and not array.touch.exists()
 
 
+def test_a_socket_that_somebody_removes_or_replaces_is_made_again_and_felt_by_without_a_restart(array, sender):
+    def is_felt(pressed):
+        sender.image[:] = 0
+        sender.image[10:14, 20 : 20 + pressed] = 200
+        array.wait_status(lambda s: s["contacts"] == 4 * pressed, "it is not felt")
+
+    mode = stat.S_IMODE(array.touch.stat().st_mode)
+    is_felt(5)
+    array.touch.unlink()
+    is_felt(6)
+    assert f"removed or replaced {array.touch}" in array.log
+    assert stat.S_IMODE(array.touch.stat().st_mode) == mode
+
+    # What another program has put there stays its own, which is said.
+    with socket.socket(socket.AF_UNIX, socket.SOCK_DGRAM) as other:
+        aside = array.touch.with_name("aside.sock")
+        other.bind(str(aside))
+        aside.rename(array.touch)
+        status = array.wait_status(lambda s: "sockets-lost" in kinds(s), "it is not told")
+        said = [p["sentence"] for p in status["problems"] if p["kind"] == "sockets-lost"]
+        assert str(array.touch) in said[0], said
+    is_felt(7)
+    array.wait_status(lambda s: "sockets-lost" not in kinds(s), "it is told for ever")
+
+
 def test_the_example_says_how_it_is_run():
     example = REPOSITORY / "examples" / "pressure_array.py"
     ended = subprocess.run([sys.executable, example], capture_output=True, text=True)

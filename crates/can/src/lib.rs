@@ -35,7 +35,8 @@ pub use log_clock::{ClockJumps, LONGEST_PAUSE_NS, LogClock};
 pub use merge::FrameMerge;
 pub use open::{OpenError, SourceOptions, open};
 pub use pressure::{
-    ArrayCounters, ArrayHead, MAX_ARRAY_TAXELS, PressureSender, PressureSocket, pressure_frames,
+    ArrayCounters, ArrayHead, MAX_ARRAY_TAXELS, PressureRenewal, PressureSender, PressureSocket,
+    pressure_frames,
 };
 pub use python_can::{Undecodable, decode as decode_python_can};
 pub use socketcan::{SocketCan, SocketCanOptions};

@@ -106,6 +106,7 @@ fn a_recording_bad_lines_and_all() {
 fn a_pressure_array_garbage_and_all() {
     let (program, socket) = std::os::unix::net::UnixDatagram::pair().unwrap();
     let mut source = PressureSocket::new(socket.into(), [28, 50], ()).unwrap();
+    let _renewal = source.renewal();
     let mut message = b"TXPA\x01\x00\x1c\x00\x32\x00\x00\x00".to_vec();
     message.resize(24 + 2 * 1400, 0);
     let mut batch = Vec::with_capacity(64);

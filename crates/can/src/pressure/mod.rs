@@ -12,7 +12,7 @@ mod tests;
 
 pub use message::{ArrayHead, MAX_ARRAY_TAXELS, pressure_frames};
 pub use sender::PressureSender;
-pub use socket::PressureSocket;
+pub use socket::{PressureRenewal, PressureSocket};
 
 /// What a pressure array's socket has seen, in messages. Every count starts at zero and only grows.
 #[derive(Debug, Default, Clone, Copy, PartialEq, Eq)]

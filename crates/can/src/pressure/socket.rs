@@ -7,6 +7,7 @@ use std::fmt;
 use std::io;
 use std::os::fd::{AsFd, OwnedFd};
 use std::os::unix::net::UnixDatagram;
+use std::sync::mpsc::{Receiver, SyncSender, TrySendError, sync_channel};
 
 /// Messages that are refused at once: a program that floods the socket must not hold up the rest.
 const REFUSED_AT_ONCE: usize = 64;
@@ -28,8 +29,30 @@ pub struct PressureSocket {
     last_sequence: Option<u32>,
     last_ns: u64,
     counters: SourceCounters,
+    /// Another socket, where the path does not lead to this one any more.
+    renewed: Option<Receiver<UnixDatagram>>,
     /// Kept until the source is dropped.
     _path: Box<dyn Any + Send>,
+}
+
+/// Gives a pressure array's source another socket, from whatever thread looks whether its path still leads to it.
+#[derive(Debug)]
+pub struct PressureRenewal(SyncSender<UnixDatagram>);
+
+impl PressureRenewal {
+    /// Has the source read this socket, which is bound, once it has taken what came by the one before.
+    ///
+    /// # Errors
+    /// The system's, where the socket cannot be made non-blocking; `WouldBlock` where the source has not yet taken the one
+    /// before, and `BrokenPipe` where it is gone.
+    pub fn renew(&self, socket: OwnedFd) -> io::Result<()> {
+        let socket = UnixDatagram::from(socket);
+        socket.set_nonblocking(true)?;
+        self.0.try_send(socket).map_err(|error| match error {
+            TrySendError::Full(_) => io::ErrorKind::WouldBlock.into(),
+            TrySendError::Disconnected(_) => io::ErrorKind::BrokenPipe.into(),
+        })
+    }
 }
 
 impl PressureSocket {
@@ -50,8 +73,26 @@ impl PressureSocket {
             last_sequence: None,
             last_ns: 0,
             counters: SourceCounters::default(),
+            renewed: None,
             _path: Box::new(path),
         })
+    }
+
+    /// What gives it another socket later.
+    pub fn renewal(&mut self) -> PressureRenewal {
+        let (renewal, renewed) = sync_channel(1);
+        self.renewed = Some(renewed);
+        PressureRenewal(renewal)
+    }
+
+    /// Goes on with another socket where it was given one; whether it was.
+    fn renew(&mut self) -> bool {
+        let renewed = self.renewed.as_ref().and_then(|renewed| renewed.try_recv().ok());
+        let is_renewed = renewed.is_some();
+        if let Some(socket) = renewed {
+            self.socket = socket;
+        }
+        is_renewed
     }
 
     /// Counts a message that came at `now_ns`, and goes on with its frames.
@@ -130,6 +171,7 @@ impl CanSource for PressureSocket {
             let len = match self.socket.recv(&mut self.buffer) {
                 Ok(len) => len,
                 Err(error) if error.kind() == io::ErrorKind::Interrupted => continue,
+                Err(_) if self.renew() => continue,
                 Err(_) => return false,
             };
             match ArrayHead::of_message(&self.buffer[..len], self.size) {

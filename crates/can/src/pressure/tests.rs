@@ -211,3 +211,26 @@ fn an_array_takes_no_commands_and_that_is_no_failure() {
     assert!(matches!(pair.source.send(&frame), Err(SendError::ReceiveOnly)));
     assert_eq!(pair.source.counters().send_failures, 0);
 }
+
+#[test]
+fn what_came_by_a_socket_is_taken_before_it_is_given_up_for_another() {
+    let mut pair = Pair::new();
+    let renewal = pair.source.renewal();
+    let (program, socket) = UnixDatagram::pair().unwrap();
+    renewal.renew(socket.into()).unwrap();
+    let (_, third) = UnixDatagram::pair().unwrap();
+    let full = renewal.renew(third.into()).unwrap_err();
+    assert_eq!(full.kind(), std::io::ErrorKind::WouldBlock);
+    pair.send(&message(7, 0, &counts()));
+    program.send(&message(8, 0, &counts())).unwrap();
+    assert_eq!(
+        pair.receive(MS).len(),
+        2 * pressure_frames(SIZE, 7, &counts()).len()
+    );
+    assert_eq!((pair.counters().taken, pair.counters().lost), (2, 0));
+    drop(pair);
+    let gone = renewal
+        .renew(UnixDatagram::unbound().unwrap().into())
+        .unwrap_err();
+    assert_eq!(gone.kind(), std::io::ErrorKind::BrokenPipe);
+}

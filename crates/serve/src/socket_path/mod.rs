@@ -70,9 +70,12 @@ impl SocketPath {
     }
 
     /// Takes the path once more, of which somebody has removed or replaced the socket, the lock file or their folder, in
-    /// the way of [`SocketPath::take`]; returns another socket that listens where the path does not lead to the one
-    /// before.
-    pub fn retake(&mut self, kind: SockType, backlog: i32) -> Result<Option<OwnedFd>, SocketPathError> {
+    /// the way of [`SocketPath::take`]; returns another socket, which `bind` makes by [`SocketPath::listen`] or
+    /// [`SocketPath::bind`], where the path does not lead to the one before.
+    pub fn retake(
+        &mut self,
+        bind: impl FnOnce(&mut Self) -> Result<OwnedFd, SocketPathError>,
+    ) -> Result<Option<OwnedFd>, SocketPathError> {
         if !self.holds_lock() {
             self.take_lock()?;
         }
@@ -81,11 +84,11 @@ impl SocketPath {
         }
         check_socket_folder(&self.path)?;
         remove_stale(&self.path)?;
-        let listener = self.listen(kind, backlog);
-        if listener.is_err() {
+        let socket = bind(self);
+        if socket.is_err() {
             self.unbind();
         }
-        listener.map(Some)
+        socket.map(Some)
     }
 
     /// Removes the socket where it is still the one that was bound.

@@ -203,7 +203,7 @@ fn a_path_that_somebody_has_spoilt_is_taken_again_and_stays_with_one_daemon() {
         assert!(taken.is_whole(), "{what}");
         spoil();
         assert!(!taken.is_whole(), "{what}");
-        let anew = taken.retake(SockType::Stream, 8).unwrap();
+        let anew = taken.retake(|place| place.listen(SockType::Stream, 8)).unwrap();
         assert_eq!(anew.is_some(), is_anew, "{what}");
         listener = anew.unwrap_or(listener);
         UnixStream::connect(&path).unwrap();
@@ -226,7 +226,11 @@ fn a_path_that_somebody_else_has_taken_is_left_to_him_and_taken_again_when_he_is
     fs::remove_dir_all(path.parent().unwrap()).unwrap();
     let mut second = take(&path).unwrap();
     let second_listener = second.listen(SockType::Stream, 8).unwrap();
-    let mut refused = || first.retake(SockType::Stream, 8).unwrap_err();
+    let mut refused = || {
+        first
+            .retake(|place| place.listen(SockType::Stream, 8))
+            .unwrap_err()
+    };
     assert!(matches!(refused(), SocketPathError::InUse { .. }));
     drop((second, second_listener));
     fs::create_dir_all(path.parent().unwrap()).unwrap();
@@ -234,7 +238,13 @@ fn a_path_that_somebody_else_has_taken_is_left_to_him_and_taken_again_when_he_is
     assert!(matches!(refused(), SocketPathError::NotASocket { .. }));
     assert_eq!(fs::read(&path).unwrap(), b"precious");
     fs::remove_file(&path).unwrap();
-    assert!(first.retake(SockType::Stream, 8).unwrap().is_some() && first.is_whole());
+    assert!(
+        first
+            .retake(|place| place.listen(SockType::Stream, 8))
+            .unwrap()
+            .is_some()
+            && first.is_whole()
+    );
     drop(first_listener);
     assert!(first.is_whole());
 }
