@@ -17,6 +17,7 @@ mod left_out;
 mod live;
 mod reader;
 mod records;
+mod roomy_file;
 mod schema;
 mod series;
 mod standard;

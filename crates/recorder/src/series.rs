@@ -1,14 +1,30 @@
 //! The files of one recording: how they are called, which are there, and which make room for new ones.
 
+use crate::roomy_file::is_of_full_disk;
 use crate::store_error::StoreError;
 use mcap::MAGIC;
 use std::fs::{File, OpenOptions, TryLockError};
 use std::io::{self, Read};
 use std::path::{Path, PathBuf};
+use std::sync::{Arc, Mutex, MutexGuard};
 
 /// Numbers from here on are no files of a recording: people call files by a date, as 20261126, or by seconds. One a minute
 /// comes so far in 19 years.
 const MOST_NUMBERS: u64 = 10_000_000;
+
+/// The files of one recording, of which whatever writes one may remove others.
+#[derive(Debug, Clone)]
+pub(crate) struct SharedSeries(Arc<Mutex<Series>>);
+
+impl SharedSeries {
+    pub(crate) fn new(series: Series) -> Self {
+        Self(Arc::new(Mutex::new(series)))
+    }
+
+    pub(crate) fn lock(&self) -> MutexGuard<'_, Series> {
+        self.0.lock().unwrap_or_else(|e| e.into_inner())
+    }
+}
 
 /// The files of one recording.
 #[derive(Debug)]
@@ -21,6 +37,7 @@ pub(crate) struct Series {
     next_number: u64,
     files: Vec<PathBuf>,
     removed: u32,
+    given: u32,
 }
 
 impl Series {
@@ -33,6 +50,7 @@ impl Series {
             next_number: 1,
             files: Vec::new(),
             removed: 0,
+            given: 0,
         }
     }
 
@@ -46,15 +64,37 @@ impl Series {
         self.removed
     }
 
-    /// Whether a file can be made: makes one and removes it.
+    /// How many of these were removed since the disk was full.
+    pub(crate) fn given(&self) -> u32 {
+        self.given
+    }
+
+    /// Whether a file can be made: makes one and removes it. Where the disk is full, older files have to be there that will
+    /// make room.
     pub(crate) fn check(&self) -> Result<(), StoreError> {
-        let (_, path, _) = self.create_new()?;
-        std::fs::remove_file(&path).map_err(|source| StoreError::Create { path, source })
+        match self.create_new() {
+            Ok((_, path, _)) => {
+                std::fs::remove_file(&path).map_err(|source| StoreError::Create { path, source })
+            }
+            Err(StoreError::Create { source, .. })
+                if is_of_full_disk(&source)
+                    && self.most_files.is_some()
+                    && self.removable().next().is_some() =>
+            {
+                Ok(())
+            }
+            Err(error) => Err(error),
+        }
     }
 
     /// Makes the next file.
     pub(crate) fn create(&mut self) -> Result<(PathBuf, File), StoreError> {
-        let (next_number, path, file) = self.create_new()?;
+        let (next_number, path, file) = loop {
+            match self.create_new() {
+                Err(StoreError::Create { source, .. }) if is_of_full_disk(&source) && self.give_way() => {}
+                made => break made?,
+            }
+        };
         self.next_number = next_number;
         // A recording that was to be one file and needs another goes on with numbers.
         self.is_numbered = true;
@@ -75,23 +115,37 @@ impl Series {
         let Some(most) = self.most_files else {
             return;
         };
-        let there = numbered_files(&self.path).into_iter().map(|(_, path)| path);
-        // What somebody else has given such a name is not ours to remove.
-        let there: Vec<_> = there.filter(|path| is_recording(path)).collect();
-        let mut too_many = there.len().saturating_sub(most);
-        for oldest in there {
-            if too_many == 0 {
-                break;
-            }
-            if self.files.last() == Some(&oldest) || is_being_written(&oldest) {
-                continue;
-            }
-            too_many -= 1;
-            if std::fs::remove_file(&oldest).is_ok() {
-                self.forget(&oldest);
-                self.removed += 1;
-            }
+        let too_many = recordings(&self.path).count().saturating_sub(most);
+        let oldest: Vec<_> = self.removable().take(too_many).collect();
+        for oldest in oldest {
+            self.remove(&oldest);
         }
+    }
+
+    /// Removes the oldest file where the disk is full, and older ones are to make room for new ones; whether it did.
+    pub(crate) fn give_way(&mut self) -> bool {
+        let removable: Vec<_> = match self.most_files {
+            Some(_) => self.removable().collect(),
+            None => return false,
+        };
+        let has_given = removable.iter().any(|oldest| self.remove(oldest));
+        self.given += u32::from(has_given);
+        has_given
+    }
+
+    /// The files that may make room, the oldest first: none that is being written, by whomever.
+    fn removable(&self) -> impl Iterator<Item = PathBuf> {
+        let newest = self.files.last();
+        recordings(&self.path).filter(move |path| newest != Some(path) && !is_being_written(path))
+    }
+
+    fn remove(&mut self, path: &Path) -> bool {
+        let is_removed = std::fs::remove_file(path).is_ok();
+        if is_removed {
+            self.forget(path);
+            self.removed += 1;
+        }
+        is_removed
     }
 
     /// A new file, and the least number of the one behind it.
@@ -153,6 +207,12 @@ fn numbered_files(path: &Path) -> Vec<(u64, PathBuf)> {
     let mut numbered: Vec<_> = numbered.collect();
     numbered.sort_unstable();
     numbered
+}
+
+/// Those of them that a recorder made: what somebody else has given such a name is not ours to remove.
+fn recordings(path: &Path) -> impl Iterator<Item = PathBuf> + use<> {
+    let there = numbered_files(path).into_iter().map(|(_, path)| path);
+    there.filter(|path| is_recording(path))
 }
 
 /// The files of a recording: that of this name, or where there is none, those of its parts, `NAME-0001.mcap`,

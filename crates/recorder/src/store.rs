@@ -1,8 +1,9 @@
 //! What comes, into files: one, several that are split, or only what is around a trigger.
 
 use crate::gone::{Gone, is_at};
+use crate::roomy_file::RoomyFile;
 use crate::schema::Topic;
-use crate::series::{Series, folder_of};
+use crate::series::{Series, SharedSeries, folder_of};
 use crate::store_error::StoreError;
 use crate::writer::{Entry, Preamble, RecordingWriter};
 use std::collections::VecDeque;
@@ -26,7 +27,7 @@ pub struct Split {
     pub bytes: Option<u64>,
     /// After this time, nanoseconds.
     pub after_ns: Option<u64>,
-    /// Older files beyond this many are removed, those of earlier runs too.
+    /// Older files beyond this many are removed, those of earlier runs too; and as many more as it takes where the disk is full.
     pub most_files: Option<usize>,
 }
 
@@ -43,7 +44,7 @@ pub struct Around {
 /// up to there: a recorder to which nothing comes neither makes nor removes a file, however often it is started.
 #[derive(Debug)]
 pub struct Store {
-    series: Series,
+    series: SharedSeries,
     preamble: Preamble,
     split: Split,
     around: Option<Around>,
@@ -85,7 +86,7 @@ struct Kept {
 struct Current {
     path: PathBuf,
     file: Arc<File>,
-    writer: RecordingWriter<File>,
+    writer: RecordingWriter<RoomyFile<File>>,
     began_ns: u64,
     /// What is added to the times of messages, nanoseconds.
     clock_moved_ns: i64,
@@ -105,7 +106,7 @@ impl Store {
     pub fn new(path: &Path, preamble: Preamble, split: Split, around: Option<Around>) -> Self {
         let are_several = around.is_some() || split.bytes.is_some() || split.after_ns.is_some();
         Self {
-            series: Series::new(path, are_several, split.most_files),
+            series: SharedSeries::new(Series::new(path, are_several, split.most_files)),
             preamble,
             split,
             around: around.map(|around| Around {
@@ -125,13 +126,18 @@ impl Store {
     }
 
     /// Files made so far, and neither removed since nor gone.
-    pub fn files(&self) -> impl ExactSizeIterator<Item = &Path> {
-        self.series.files().iter().map(PathBuf::as_path)
+    pub fn files(&self) -> Vec<PathBuf> {
+        self.series.lock().files().to_vec()
     }
 
     /// Files removed so far, to make room, those of earlier runs too.
     pub fn removed(&self) -> u32 {
-        self.series.removed()
+        self.series.lock().removed()
+    }
+
+    /// How many of these were removed since the disk was full.
+    pub fn given(&self) -> u32 {
+        self.series.lock().given()
     }
 
     /// Files that others removed, renamed or changed while they were recorded into, the oldest first.
@@ -167,7 +173,7 @@ impl Store {
 
     /// Whether the first file can be made, before anything has come that is to be in it.
     pub fn check(&self) -> Result<(), StoreError> {
-        self.series.check()
+        self.series.lock().check()
     }
 
     /// Takes a message of a hand.
@@ -289,7 +295,7 @@ impl Store {
             return Ok(());
         };
         if let Some(gone) = current.gone() {
-            self.series.forget(&gone.path);
+            self.series.lock().forget(&gone.path);
             self.gone.push(gone);
         }
         // One that was renamed becomes whole, too.
@@ -322,7 +328,7 @@ impl Store {
         let is_first = current.good == 0;
         current.good = current.writer.bytes();
         if is_first {
-            self.series.make_room();
+            self.series.lock().make_room();
         }
         Ok(())
     }
@@ -349,7 +355,7 @@ impl Store {
     /// Takes half a chunk off the end of a file; one that holds no whole one is removed.
     fn torn(&mut self, path: PathBuf, file: &File, good: u64, source: io::Error) -> StoreError {
         if good == 0 {
-            self.series.forget(&path);
+            self.series.lock().forget(&path);
             if is_at(&path, file).is_ok_and(|is_it| is_it) {
                 let _ = std::fs::remove_file(&path);
             }
@@ -363,14 +369,14 @@ impl Store {
     }
 
     fn open(&mut self, now_ns: u64) -> Result<(), StoreError> {
-        let (path, file) = self.series.create()?;
+        let (path, file) = self.series.lock().create()?;
         let oldest_ns = self.kept.front().map(|kept| kept.entry.wall_ns);
         let began_ns = oldest_ns.map_or(now_ns, |oldest_ns| oldest_ns.min(now_ns));
         let clock_moved_ns = self.clock_moved_ns;
         let clone = file.try_clone();
         let begun = clone.and_then(|clone| {
             let mut writer = RecordingWriter::begin(
-                clone,
+                RoomyFile::new(clone, self.series.clone()),
                 &self.preamble,
                 began_ns.saturating_add_signed(clock_moved_ns),
             )?;

@@ -183,7 +183,7 @@ fn every_file_is_handed_out_when_it_is_whole_however_it_ended_and_however_busy_i
             store.take(entry(Topic::Events, now_ns, "felt")).unwrap();
         }
         store.cut(now_ns).unwrap();
-        let current = (store.files().last().filter(|_| store.is_writing())).map(Path::to_path_buf);
+        let current = store.files().pop().filter(|_| store.is_writing());
         let mut room = usize::from(half_second > 70);
         store.hand_out(|written| {
             if room == 0 {
@@ -197,7 +197,7 @@ fn every_file_is_handed_out_when_it_is_whole_however_it_ended_and_however_busy_i
             Ok(())
         });
     }
-    let made: Vec<_> = store.files().map(Path::to_path_buf).collect();
+    let made = store.files();
     assert_eq!(made.len(), 5);
     assert!(store.is_writing() && being_written.contains(&made[4]));
     assert_eq!(whole, made[..4]);
@@ -381,7 +381,7 @@ fn a_file_that_others_do_something_to_is_told_and_the_recording_goes_on_in_anoth
         store.cut(2 * S).unwrap();
         store.close().unwrap();
         let another = folder.path().join("a-0001.mcap");
-        assert_eq!(store.files().collect::<Vec<_>>(), [&*another], "{name}");
+        assert_eq!(store.files(), [&*another], "{name}");
         assert_eq!(store.gone().len(), 1, "{name}");
         assert_eq!(there(folder.path()), files, "{name}");
         assert_eq!(events(&another), ["behind"], "{name}");

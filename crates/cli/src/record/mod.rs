@@ -85,7 +85,8 @@ pub(crate) struct Args {
     /// Goes on in another file after so many seconds
     #[arg(long, value_name = "S", value_parser = seconds(TIMES))]
     split_seconds: Option<Duration>,
-    /// Removes the oldest of the files OUT-0001.mcap, OUT-0002.mcap, .. where there are more, those of earlier runs too
+    /// Removes the oldest of the files OUT-0001.mcap, OUT-0002.mcap, .. where there are more, those of earlier runs too,
+    /// and as many more as it takes where the disk is full
     #[arg(long, value_name = "N", value_parser = clap::value_parser!(u16).range(1..), requires = "several")]
     most_files: Option<u16>,
     /// Keeps only what is around a trigger: so many seconds before it

@@ -318,7 +318,7 @@ fn start<'scope>(
 fn finished(store: &Store, shared: Shared<'_>, failure: Option<LiveError>) -> Finished {
     let count = |count: &AtomicU64| count.load(Ordering::Relaxed);
     Finished {
-        files: store.files().map(PathBuf::from).collect(),
+        files: store.files(),
         gone: store.gone().to_vec(),
         removed: store.removed(),
         can_lost: count(&shared.can_lost),

@@ -31,6 +31,7 @@ pub(super) struct Writer<'a> {
     /// Messages that were dropped, and files that are gone, of which was told.
     told_dropped: u64,
     told_gone: usize,
+    told_given: u32,
     /// How far the wall clock had been set when that was last told, nanoseconds.
     clock_moved_ns: i64,
 }
@@ -44,6 +45,7 @@ impl<'a> Writer<'a> {
             began: Instant::now(),
             told_dropped: 0,
             told_gone: 0,
+            told_given: 0,
             clock_moved_ns: 0,
         }
     }
@@ -168,6 +170,19 @@ impl<'a> Writer<'a> {
             Err(TrySendError::Full(written)) => Err(written),
             Ok(()) | Err(TrySendError::Disconnected(_)) => Ok(()),
         });
+        let given = self.store.given();
+        let new = given - std::mem::replace(&mut self.told_given, given);
+        if new > 0 {
+            let files = match new {
+                1 => "the oldest file of the recording was".to_string(),
+                _ => format!("the {new} oldest files of the recording were"),
+            };
+            self.say(
+                Priority::Warning,
+                &format!("the disk is full: {files} removed to make room"),
+                wall_ns,
+            )?;
+        }
         let Some(gone) = self.store.gone().get(self.told_gone) else {
             return Ok(());
         };
