@@ -186,9 +186,11 @@ impl Taxel {
         if sample.status_error {
             counters.status_errors += 1;
             // The status of a chip that does not answer is as dead as its counts. One axis alone does not tell.
-            match is_dead && !self.scalar {
-                true => self.health.handle_dead_sample(&rules.health),
-                false => self.health.handle_no_sample(),
+            if is_dead && !self.scalar {
+                counters.dead_samples += 1;
+                self.health.handle_dead_sample(&rules.health);
+            } else {
+                self.health.handle_no_sample();
             }
             self.repair.hold();
             return false;

@@ -178,7 +178,20 @@ fn a_bad_status_byte_excludes_the_sample_and_only_it() {
         let out = skin.step_with(|f| f.status[1] = 0);
         assert!(out.faults[1].is_empty() && !out.contact[1]);
     }
-    assert_eq!(skin.conditioner.counters().status_errors, 2);
+    let counters = skin.conditioner.counters();
+    assert_eq!((counters.status_errors, counters.dead_samples), (2, 0));
+}
+
+#[test]
+fn a_chip_that_does_not_answer_is_counted_as_dead_and_by_its_status() {
+    let mut skin = calibrated(2);
+    for _ in 0..3 {
+        let out = skin.step_with(|f| (f.status[1], f.counts[1]) = (0xFF, [u16::MAX; 3]));
+        assert!(!out.faults[1].is_empty() && out.force[1] == 0.0);
+    }
+    let counters = skin.conditioner.counters();
+    assert_eq!((counters.status_errors, counters.dead_samples), (3, 3));
+    assert_eq!(skin.out.faults[1].iter().collect::<Vec<_>>(), [Fault::Dead]);
 }
 
 #[test]
