@@ -35,6 +35,8 @@ Examples:
   taxel doctor --config hand.toml --json
   taxel doctor --layout uskin-module can:can0    one module on can0
   taxel doctor log:candump.log                   a recording of all buses of the hand
+  taxel doctor --config hand.toml log:candump.log
+                                                 the same of the configuration's hand
   taxel doctor --listen-only                     send nothing at all
   taxel doctor --joints dynamixel:/dev/ttyUSB0 --ids 1-16
   taxel doctor --scan can:can0 can:can1 --out hand.toml
@@ -42,10 +44,11 @@ Examples:
   taxel doctor --scan log:candump.log            the same from a recording")]
 pub(crate) struct Args {
     /// Where the buses of the hand are, in the layout's order: can:INTERFACE, udp:GROUP:PORT, log:FILE or sim:SCENE; a
-    /// recording or a scene alone is all of them, - for a candump log on stdin [default: can: and the layout's names]
-    #[arg(value_name = "SOURCE", conflicts_with = "config", value_parser = source_parser())]
+    /// recording or a scene alone is all of them, - for a candump log on stdin [default: those of
+    /// the configuration, or can: and the layout's names]
+    #[arg(value_name = "SOURCE", value_parser = source_parser())]
     pub(super) sources: Vec<SourceAddress>,
-    /// The daemon's configuration file; - for stdin
+    /// The daemon's configuration file; beside a SOURCE only the hand is taken from it; - for stdin
     #[arg(long, value_name = "FILE", conflicts_with = "layout", value_parser = text_parser())]
     pub(super) config: Option<PathBuf>,
     /// The hand: a built-in name or a layout file, - for stdin [default: allegro-uskin-15]
@@ -96,32 +99,16 @@ impl Args {
             None => (!named_here && service.is_file()).then_some(service),
         };
         if let Some(file) = file {
-            let config = Config::load(file)?;
+            let mut config = Config::load(file)?;
+            if !self.sources.is_empty() {
+                config.sources = self.named_sources(&config.layout)?;
+                config.joints = None;
+            }
             let origin = format!("{}: {}", file.display(), describe(&config));
             return Ok((config, origin));
         }
         let layout = Layout::resolve(self.layout.as_deref().unwrap_or(DEFAULT_LAYOUT))?;
-        let sources = match &self.sources[..] {
-            [] => layout
-                .buses
-                .iter()
-                .map(|bus| format!("can:{bus}").parse())
-                .collect::<Result<_, _>>()?,
-            [hand] if layout.buses.len() > 1 => of_each_bus(hand, &layout)?,
-            named => named.to_vec(),
-        };
-        let sources =
-            taxeld::config::told_apart(sources, &layout).map_err(|(_, message)| anyhow!(message))?;
-        if sources.len() != layout.buses.len() {
-            bail!(
-                "layout {} needs a source for each of its buses ({}): {}, not {}",
-                layout.name,
-                layout.buses.join(", "),
-                layout.buses.len(),
-                sources.len()
-            );
-        }
-        let mut config = Config::new(layout, sources);
+        let mut config = Config::new(layout.clone(), self.named_sources(&layout)?);
         config.joints = self.joints()?;
         config.socket.control = taxeld::config::running_socket("control.sock");
         if !named_here && let Some(status) = asked::only(&config.socket.status_path()) {
@@ -135,6 +122,30 @@ impl Args {
         }
         let origin = format!("no configuration file: {}", describe(&config));
         Ok((config, origin))
+    }
+
+    /// Where the buses of this hand are.
+    fn named_sources(&self, layout: &Layout) -> anyhow::Result<Vec<SourceAddress>> {
+        let sources = match &self.sources[..] {
+            [] => layout
+                .buses
+                .iter()
+                .map(|bus| format!("can:{bus}").parse())
+                .collect::<Result<_, _>>()?,
+            [hand] if layout.buses.len() > 1 => of_each_bus(hand, layout)?,
+            named => named.to_vec(),
+        };
+        let sources = taxeld::config::told_apart(sources, layout).map_err(|(_, message)| anyhow!(message))?;
+        if sources.len() != layout.buses.len() {
+            bail!(
+                "layout {} needs a source for each of its buses ({}): {}, not {}",
+                layout.name,
+                layout.buses.join(", "),
+                layout.buses.len(),
+                sources.len()
+            );
+        }
+        Ok(sources)
     }
 
     /// Whether it was said which buses or joints to look at.

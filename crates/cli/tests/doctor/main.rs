@@ -333,11 +333,6 @@ fn wrong_usage_is_told_at_once() {
         (&["doctor", "log:a.mcap"], 1, converted),
         (&["doctor", "--scan", "log:a.mcap"], 1, converted),
         (&["setup", "log:a.mcap", "--yes", "--no-touch"], 1, converted),
-        (
-            &["doctor", "--config", "a.toml", "can:can0"],
-            2,
-            "cannot be used with",
-        ),
     ] {
         let output = taxel(&dir, args).output().unwrap();
         assert_eq!(output.status.code(), Some(code), "{args:?}");

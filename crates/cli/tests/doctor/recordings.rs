@@ -1,6 +1,6 @@
 //! What the doctor says of recordings.
 
-use super::{bad, doctor, recorded, said, taxel};
+use super::{bad, configure, doctor, recorded, said, taxel};
 use tempfile::TempDir;
 
 #[test]
@@ -16,6 +16,18 @@ fn a_recording_is_examined_in_its_own_time() {
     };
     assert_eq!(of("board")["found"], "50.0 Hz");
     assert_eq!(of("taxels")["found"], "16 healthy");
+}
+
+#[test]
+fn a_recording_beside_a_configuration_is_one_of_its_hand_and_neither_its_bus_nor_its_joints_are_looked_at() {
+    let dir = TempDir::new().unwrap();
+    recorded(&dir, "idle --layout uskin-module --to log:idle.log --seconds 4");
+    let joints = "[joints]\nsource = \"dynamixel:/dev/none\"\n[[joints.servo]]\nid = 1\nname = \"wrist\"\n";
+    configure(&dir, "uskin-module", &["can:none0".into()], joints);
+    let (_, checks) = doctor(&dir, &["--config", "hand.toml", "log:idle.log"]);
+    let hand = checks.iter().find(|c| c["name"] == "taxels").unwrap();
+    assert_eq!(hand["found"], "16 healthy");
+    assert!(!format!("{checks:?}").contains("none"), "{checks:?}");
 }
 
 #[test]
