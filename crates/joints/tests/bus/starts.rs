@@ -185,6 +185,26 @@ fn a_motor_whose_first_goal_is_given_up_for_its_watchdog_is_not_switched_on_with
 }
 
 #[test]
+fn a_start_that_a_servo_does_not_take_is_told_by_what_it_does_not_take() {
+    let of = |at: u8| {
+        let mut w = watched(2, 2540);
+        w.cycles(3);
+        w.bus.numbered_command(1, 0, START).unwrap();
+        w.lost = Box::new(move |request| {
+            write_of(request).is_some_and(|(_, address, value)| address == at && value != 0)
+        });
+        w.cycles(20);
+        assert_eq!(register(&w, 1, 64, 1), 0);
+        w.bus.outcome(0, 1)
+    };
+    // As firmware before 38, which has no bus watchdog.
+    assert_eq!(of(98), Some(Err(WriteError::NoWatchdog)));
+    assert_eq!(of(100), Some(Err(WriteError::NotHeld)));
+    // As after an overload.
+    assert_eq!(of(64), Some(Err(WriteError::StillOff)));
+}
+
+#[test]
 fn a_watchdog_that_was_armed_for_a_start_that_failed_is_cleared_at_the_end_at_the_latest() {
     // Its first goal is not taken, or nothing is heard of it any more.
     for is_heard in [true, false] {

@@ -115,6 +115,17 @@ pub enum WriteError {
         "the servo has not taken it. A goal beyond its PWM Limit is refused, and any after its watchdog has stopped it until torque is enabled anew"
     )]
     NotHeld,
+    /// It has no bus watchdog, or does not arm it: its motor stays off. X servos have it from firmware 38 on (ROBOTIS
+    /// e-manual, Bus Watchdog).
+    #[error(
+        "the servo does not arm its bus watchdog, without which no motor is switched on here; X servos have one from firmware 38 on, DYNAMIXEL Wizard updates it"
+    )]
+    NoWatchdog,
+    /// It was told to switch its motor on, and says that it is off.
+    #[error(
+        "the servo keeps its motor off, as after a hardware error (overload, heat) until it is rebooted: `taxel status` tells"
+    )]
+    StillOff,
     /// It was told to switch its motor off, and says that it is on.
     #[error("the servo says that its motor is still on")]
     StillOn,
@@ -259,9 +270,11 @@ impl Write {
 
     /// What is wrong where its servo answers and holds something else.
     pub(crate) fn not_held(&self) -> WriteError {
-        match self.is_motor_off() {
-            true => WriteError::StillOn,
-            false => WriteError::NotHeld,
+        match self.address {
+            address::TORQUE_ENABLE if self.is_motor_off() => WriteError::StillOn,
+            address::TORQUE_ENABLE => WriteError::StillOff,
+            address::BUS_WATCHDOG => WriteError::NoWatchdog,
+            _ => WriteError::NotHeld,
         }
     }
 

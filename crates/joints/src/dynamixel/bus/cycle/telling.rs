@@ -328,8 +328,7 @@ impl Bus {
         if write.switches_off() {
             self.servos[write.servo].off_failed(is_heard, now_ns);
         } else if !write.is_goal() {
-            if write.is_motor_on() && error == WriteError::NotHeld {
-                // It says that its motor is off.
+            if error == WriteError::StillOff {
                 self.servos[write.servo].state.may_run = false;
             }
             self.call_off_start(&write);
