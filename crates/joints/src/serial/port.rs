@@ -5,7 +5,7 @@ use nix::fcntl::{FcntlArg, OFlag, fcntl};
 use serialport::{ClearBuffer, SerialPort, TTYPort};
 use std::fs::{File, Metadata};
 use std::io::{self, ErrorKind, Read, Write};
-use std::os::unix::fs::MetadataExt;
+use std::os::unix::fs::{FileTypeExt, MetadataExt};
 use std::path::{Path, PathBuf};
 use std::time::{Duration, Instant};
 use taxel_can::monotonic_ns;
@@ -14,7 +14,7 @@ use taxel_can::monotonic_ns;
 #[derive(Debug, thiserror::Error)]
 pub enum PortError {
     /// It could not be opened.
-    #[error("cannot open {}{}: {source}; {}", .path.display(), rate(.source, *.baud), advice(.source))]
+    #[error("cannot open {}{}: {source}; {}", .path.display(), rate(.source, *.baud), advice(.path, .source))]
     Open {
         /// The device as it was named.
         path: PathBuf,
@@ -38,7 +38,7 @@ pub enum PortError {
     },
     /// The pseudo terminal that was open is gone, and its number is that of one that was made since: another program's.
     #[error(
-        "{path} is another terminal than the one that was lost, as another program's is that was given its number; start          taxeld again if it is the servos', or name the link of a simulator, which is made anew with it", path = .path.display()
+        "{path} is another terminal than the one that was lost, as another program's is that was given its number; start taxeld again if it is the servos', or name the link of a simulator, which is made anew with it", path = .path.display()
     )]
     Another {
         /// The terminal.
@@ -62,8 +62,17 @@ fn rate(error: &io::Error, baud: u32) -> String {
     }
 }
 
-fn advice(error: &io::Error) -> &'static str {
+fn advice(path: &Path, error: &io::Error) -> &'static str {
     match error.kind() {
+        ErrorKind::NotFound if path.components().count() == 1 => {
+            "a device is named with its folder, as in /dev/ttyUSB0; `ls /dev/serial/by-id` shows those that are there"
+        }
+        _ if path
+            .metadata()
+            .is_ok_and(|file| !file.file_type().is_char_device()) =>
+        {
+            "it is no serial device; `ls /dev/serial/by-id` shows those that are there"
+        }
         ErrorKind::NotFound => "is the adapter plugged in? `ls /dev/serial/by-id` shows those that are",
         ErrorKind::PermissionDenied => "add the user to the group dialout and log in anew",
         _ => "does another program have it open? `fuser` followed by the device tells",

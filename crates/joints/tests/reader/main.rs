@@ -140,17 +140,38 @@ fn a_port_that_another_program_has_is_not_said_to_be_unplugged() {
     let pty = pty(2);
     let first = ServoReader::start(&config(pty.path(), 2)).unwrap();
     eventually(&first, "read", all_read);
-    let second = ServoReader::start(&config(pty.path(), 2)).unwrap();
+    let reason = why_away(pty.path());
+    assert!(reason.contains("does another program have it open?"), "{reason}");
+    assert!(!reason.contains("plugged in"), "{reason}");
+}
+
+#[test]
+fn what_is_no_serial_device_or_has_no_folder_is_said_to_be_that() {
+    let folder = tempfile::tempdir().unwrap();
+    let file = folder.path().join("servos");
+    std::fs::write(&file, "").unwrap();
+    for (path, words) in [
+        (folder.path(), "it is no serial device"),
+        (&*file, "it is no serial device"),
+        (Path::new("ttyUSB-none"), "named with its folder"),
+        (Path::new("/dev/ttyUSB-none"), "is the adapter plugged in?"),
+    ] {
+        let reason = why_away(path);
+        assert!(reason.contains(words), "{reason}");
+    }
+}
+
+/// Why a port cannot be opened.
+fn why_away(path: &Path) -> String {
+    let reader = ServoReader::start(&config(path, 2)).unwrap();
     let end = Instant::now() + HANGS_AFTER;
-    let reason = loop {
-        match second.port().state {
-            PortState::Away { reason, .. } => break reason,
+    loop {
+        match reader.port().state {
+            PortState::Away { reason, .. } => return reason,
             state => assert!(Instant::now() < end, "{state:?}"),
         }
         std::thread::sleep(Duration::from_millis(2));
-    };
-    assert!(reason.contains("does another program have it open?"), "{reason}");
-    assert!(!reason.contains("plugged in"), "{reason}");
+    }
 }
 
 #[test]
