@@ -460,7 +460,10 @@ pub fn missing_servos(source: &str, baud: u32) -> Problem {
 
 /// A servo, by its joint and its name with its id, does not answer; `heard` says that it once did.
 pub fn silent_servo(joint: usize, name: &str, heard: bool) -> Problem {
-    let more = if heard { "" } else { ", its id and its baud rate" };
+    let more = match heard {
+        true => "",
+        false => ", its id and its baud rate, and that it is set to protocol 2.0 and Status Return Level 2",
+    };
     of_joints(
         Kind::ServoSilent,
         Place::Joint(joint),

@@ -257,7 +257,11 @@ fn a_servo_that_was_never_heard_is_given_time_and_then_other_advice() {
     bench.pass(900, |_| {});
     bench.said(&[&["16 ms", "/sys/bus/usb-serial/devices/ttyUSB0/latency_timer"]]);
     bench.pass(500, |_| {});
-    bench.said(&[&["servo 2 is silent", "its id and its baud rate"]]);
+    bench.said(&[&[
+        "servo 2 is silent",
+        "its id and its baud rate",
+        "Status Return Level 2",
+    ]]);
     bench.pass(500, |view| {
         let (_, port) = view.servos.as_mut().unwrap();
         port.latency.as_mut().unwrap().ftdi_timer_ms = Some(1);
