@@ -17,6 +17,7 @@ mod log;
 mod log_clock;
 mod merge;
 mod open;
+mod open_error;
 mod pressure;
 mod python_can;
 mod socketcan;
@@ -33,7 +34,8 @@ pub use frame::{CanFrame, EXTENDED_FLAG, FrameError, id_text};
 pub use log::{LogSource, interfaces};
 pub use log_clock::{ClockJumps, LONGEST_PAUSE_NS, LogClock};
 pub use merge::FrameMerge;
-pub use open::{OpenError, SourceOptions, open};
+pub use open::{SourceOptions, open};
+pub use open_error::OpenError;
 pub use pressure::{
     ArrayCounters, ArrayHead, MAX_ARRAY_TAXELS, PressureRenewal, PressureSender, PressureSocket,
     pressure_frames,

@@ -1,6 +1,7 @@
 //! One line of a candump log.
 
-use super::{Direction, LineProblem};
+use super::error::LineProblem;
+use super::log_frame::Direction;
 use crate::frame::ERROR_FLAG;
 use crate::{CanFrame, EXTENDED_FLAG};
 

@@ -1,5 +1,9 @@
+use super::error::LONGEST_LINE;
+use super::line::parse_line;
 use super::*;
+use crate::CanFrame;
 use proptest::prelude::*;
+use std::io;
 
 fn read(text: &[u8]) -> Vec<Result<LogFrame, LogError>> {
     LogReader::new(text).collect()
