@@ -3,12 +3,13 @@
 use crate::allegro::{AllegroConfig, AllegroSource};
 use crate::analogue::AnalogueConfig;
 use crate::dynamixel::{DynamixelConfig, FastSyncRead, ServoConfig};
-use crate::error::{JointSourceError, JointsConfigError, MAX_JOINTS};
+use crate::error::{JointSourceError, JointsConfigError, MAX_JOINTS, SOURCE_FORMS};
+use crate::joint_name::why_no_joint_name;
 use crate::source::SourceConfig;
 use serde::{Deserialize, Serialize, Serializer};
 use std::path::{Path, PathBuf};
 use std::str::FromStr;
-use taxel_hand::{FromMap, check_range, why_no_name};
+use taxel_hand::{FromMap, check_range};
 
 /// Where joint angles come from, and how the joints are called.
 ///
@@ -191,7 +192,7 @@ impl TryFrom<String> for JointSource {
 
 impl JointSource {
     /// How each kind is written.
-    pub const FORMS: [&str; 2] = ["dynamixel:DEVICE", "allegro:INTERFACE"];
+    pub const FORMS: [&str; 2] = SOURCE_FORMS;
 
     /// Whether both read one thing: one serial port, by whichever link it is named, or one CAN bus.
     pub fn is_same(&self, other: &Self) -> bool {
@@ -244,7 +245,7 @@ impl JointsConfig {
         let names = self.joint_names();
         let first = names.len() - analogue.joint.len();
         for (n, name) in names.iter().enumerate().skip(first) {
-            if let Some(why) = why_not_of(name, &names[..n]) {
+            if let Some(why) = why_no_joint_name(name, &names[..n]) {
                 let name = name.clone();
                 return Err(JointsConfigError::AnalogueName { name, why });
             }
@@ -265,11 +266,6 @@ impl JointsConfig {
 fn is_one_device(one: &Path, other: &Path) -> bool {
     let device = |path: &Path| path.canonicalize().unwrap_or_else(|_| path.into());
     device(one) == device(other)
-}
-
-/// Why this cannot be the name of a joint beside others.
-pub(crate) fn why_not_of(name: &String, others: &[String]) -> Option<&'static str> {
-    why_no_name(name).or(others.contains(name).then_some("that of another"))
 }
 
 #[cfg(test)]

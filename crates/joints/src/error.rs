@@ -7,13 +7,16 @@ use taxel_hand::RangeError;
 /// Most joints one daemon reads.
 pub const MAX_JOINTS: usize = 64;
 
+/// How each kind of source is written.
+pub(crate) const SOURCE_FORMS: [&str; 2] = ["dynamixel:DEVICE", "allegro:INTERFACE"];
+
 /// Why a text names no source of joint angles.
 #[derive(Debug, Clone, PartialEq, Eq, thiserror::Error)]
 pub enum JointSourceError {
     /// Neither of the known beginnings.
     #[error(
         "`{0}` is no source of joint angles: write {forms}, such as dynamixel:/dev/ttyUSB0 or allegro:can2",
-        forms = crate::JointSource::FORMS.join(" or ")
+        forms = SOURCE_FORMS.join(" or ")
     )]
     Unknown(String),
     /// `dynamixel:` alone.

@@ -13,6 +13,7 @@ mod config;
 mod dynamixel;
 mod error;
 mod feed;
+mod joint_name;
 mod reader;
 mod serial;
 mod source;

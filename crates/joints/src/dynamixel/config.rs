@@ -1,9 +1,9 @@
 //! The keys of the `[joints]` table that are for servos.
 
-use crate::config::why_not_of;
 use crate::dynamixel::bus::{DEFAULT_MARGIN_NS, FACTORY_RETURN_DELAY_NS, PRESENT_BYTES, wire_ns};
 use crate::dynamixel::protocol2::STATUS_OVERHEAD;
 use crate::error::{JointSourceError, JointsConfigError, MAX_JOINTS};
+use crate::joint_name::why_no_joint_name;
 use crate::source::SourceConfig;
 use serde::{Deserialize, Serialize};
 use std::path::{Path, PathBuf};
@@ -130,7 +130,7 @@ impl DynamixelConfig {
                 });
             }
             let before = &self.servo[..i];
-            if let Some(why) = why_not_of(&servo.name, &names[..i]) {
+            if let Some(why) = why_no_joint_name(&servo.name, &names[..i]) {
                 return Err(JointsConfigError::Name {
                     id: servo.id,
                     name: servo.name.clone(),
