@@ -2,7 +2,6 @@
 //!
 //! The sockets of those who ask and command have a share that no reader can take, since "torque off" comes by them.
 
-use crate::StartError;
 use crate::clients::MOST_CLIENTS;
 use nix::sys::resource::{Resource, getrlimit, setrlimit};
 
@@ -14,6 +13,18 @@ const LEAST: usize = 8;
 
 /// What is to be done where too few files may be open.
 pub const MORE_FILES: &str = "LimitNOFILE= in the unit, or `ulimit -Hn`, allows more";
+
+/// So few files may be open that nobody could connect.
+#[derive(Debug, thiserror::Error)]
+#[error(
+    "only {limit} files may be open, and with fewer than {needed} nobody could tell taxeld to switch a motor off; {MORE_FILES}"
+)]
+pub struct TooFewFiles {
+    /// How many may be open.
+    pub limit: usize,
+    /// The least that there have to be.
+    pub needed: usize,
+}
 
 /// How many connections there may be.
 #[derive(Debug, PartialEq, Eq)]
@@ -52,12 +63,12 @@ impl Descriptors {
 
 /// Refuses to serve where so few are left, now that all threads run and nobody is let in yet, that nobody could switch a
 /// motor off.
-pub(crate) fn check() -> Result<(), StartError> {
+pub(crate) fn check() -> Result<(), TooFewFiles> {
     let limit = raise_limit();
     let needed = in_use(limit).saturating_add(LEAST);
     match needed <= limit {
         true => Ok(()),
-        false => Err(StartError::TooFewFiles { limit, needed }),
+        false => Err(TooFewFiles { limit, needed }),
     }
 }
 
