@@ -5,52 +5,26 @@
 //! bytes per kept sample, 1.5 KiB per taxel (360 KiB for 240 taxels), taken once.
 
 use super::magnitude::MagnitudeMode;
+use super::spread::median;
 use super::step::{AxisSteps, HandSteps};
+use super::usual::{ALL_USUAL, Rest, SLOW_VARIANCES, Usual, wanders};
 
 /// Most samples kept of a taxel's window.
 const KEPT: usize = 128;
-/// Makes the median absolute deviation of a normal distribution its standard deviation.
-pub(super) const MAD_TO_SIGMA: f64 = 1.4826;
 /// An axis whose level moves less than this over the window has not been touched, counts.
 const TOUCH_FLOOR_COUNTS: f64 = 60.0;
 /// ... nor one that moves less than this many times its noise.
 const TOUCH_SIGMAS: f64 = 4.0;
 /// Fewest samples from which a touch is judged.
 const TOUCH_SAMPLES: usize = 8;
-/// Samples vary more slowly than noise where their variance is more than this many times the one from sample to sample
-/// (von Neumann's ratio): about once in noise, however strong it is, 3 to 60 times in recorded hands that move.
-const SLOW_VARIANCES: f64 = 3.0;
-/// ... and wander where it is more than this many times as much: in noise it is so of no taxel, filtered though it be.
-const WANDER_VARIANCES: f64 = 12.0;
-/// ... and their spread is more than this, counts, and than a step: what wanders less moves no threshold far.
-const WANDER_COUNTS: f64 = 20.0;
-/// Of the few samples at the end of the window those of slow noise vary by so many times as much as from sample to sample, since
-/// their mean goes with them: in the last quarter of the window,
-const END_VARIANCES: f64 = 2.0;
-/// ... but in so many samples at least, or its last half.
+/// Fewest samples at the end of the window in which slow noise is looked for; the last half, where that has fewer.
 const END_SAMPLES: usize = 11;
 /// Noise is looked for in parts of a half of the window that have so many samples at least, or in the half,
 const NOISE_SAMPLES: usize = 10;
 /// ... in at most so many of them.
 const NOISE_PARTS: usize = 4;
-/// A part is noisier than the window where its variance from sample to sample is more than this many times as much
-const NOISIER_VARIANCES: f64 = 2.0;
-/// ... and it goes more than this many times as far.
-const NOISIER_PEAKS: f64 = 1.25;
-/// ... about the level of the window, if its mean is no further from it than this share of its spread: movement goes away.
-const NOISE_OFF_LEVEL: f64 = 0.6;
-
 /// What a taxel of eight bits goes up and down by, counts.
 const COARSE_STEP_COUNTS: u32 = 16;
-
-/// Where a taxel rests, and how far it goes from there at rest. Without outliers.
-#[derive(Debug, Default, Clone, Copy, PartialEq)]
-pub(super) struct Rest {
-    /// Mean of x, y, z, counts.
-    pub(super) baseline: [f64; 3],
-    /// Largest magnitude above the baseline.
-    pub(super) peak: f64,
-}
 
 /// What half of a taxel's window says about it.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -181,60 +155,42 @@ impl Windows {
             true => [1; 3],
             false => window.steps.each_ref().map(|axis| self.steps.of(axis)),
         };
-        let usual = Usual::of(samples, steps, outlier_sigmas, &mut self.scratch);
+        let step = match coarse {
+            true => COARSE_STEP_COUNTS,
+            false => steps.into_iter().fold(1, u32::max),
+        };
+        let mut rules = Rules {
+            steps,
+            step,
+            baseline,
+            mode,
+            outlier_sigmas,
+            scratch: &mut self.scratch,
+        };
+        let usual = rules.usual(samples);
+        let variance = usual.successive_variance(samples);
+        let noise = variance.iter().sum::<f64>();
         let length_ns = window.end_ns.saturating_sub(window.start_ns);
         let pairs = (kept - 1).max(1);
         let equal = samples.windows(2).filter(|pair| pair[0] == pair[1]).count();
         let step_ns = length_ns.max(1) as f64 / pairs as f64;
+        let shift = rules.level_shift(samples);
         let mut idle = TaxelIdle {
             constant: equal == pairs,
             changes_per_ns: -(equal as f64 / pairs as f64).ln() / step_ns,
             rest: usual.rest(samples, baseline, mode),
-            step: if coarse {
-                COARSE_STEP_COUNTS
-            } else {
-                steps.into_iter().fold(1, u32::max)
-            },
+            step,
+            outliers: samples.iter().filter(|s| !usual.keeps(s)).count() as u32,
+            noise_counts: noise.sqrt(),
+            wanders: wanders(usual.variance(samples), noise, step),
+            touched: is_touch(shift, variance),
             ..TaxelIdle::default()
         };
-        idle.outliers = samples.iter().filter(|s| !usual.keeps(s)).count() as u32;
-        let variance = usual.successive_variance(samples);
-        let noise = variance.iter().sum::<f64>();
-        idle.noise_counts = noise.sqrt();
-        idle.wanders = wanders(usual.variance(samples), noise, idle.step);
-        let shift = match kept >= TOUCH_SAMPLES {
-            true => std::array::from_fn(|a| level_shift(samples, a, &mut self.scratch)),
-            false => [0.0; 3],
-        };
-        let is_above = |noise: [f64; 3]| {
-            let far = |a: usize| shift[a] > TOUCH_FLOOR_COUNTS.max(TOUCH_SIGMAS * noise[a].sqrt());
-            (0..3).any(far)
-        };
-        idle.touched = is_above(variance);
         if kept >= 2 * TOUCH_SAMPLES {
             let (first, last) = samples.split_at(kept / 2);
-            let over = (noise, idle.rest);
-            let halves = [first, last].map(|half| {
-                let usual = Usual::of(half, steps, outlier_sigmas, &mut self.scratch);
-                let rest = usual.rest(half, baseline, mode);
-                let noise: f64 = usual.successive_variance(half).iter().sum();
-                let variance = usual.variance(half);
-                let parts = (half.len() / NOISE_SAMPLES).clamp(1, NOISE_PARTS);
-                let parts = (0..parts).map(|p| &half[p * half.len() / parts..(p + 1) * half.len() / parts]);
-                Half {
-                    rest,
-                    is_slow: variance > SLOW_VARIANCES * noise,
-                    wanders: wanders(variance, noise, idle.step),
-                    noise_peak: parts
-                        .map(|part| {
-                            let usual = Usual::of(part, steps, outlier_sigmas, &mut self.scratch);
-                            usual.peak_where_noisier(part, over, mode)
-                        })
-                        .fold(0.0, f64::max),
-                }
-            });
+            let halves = [first, last].map(|half| rules.half(half, (noise, idle.rest)));
             // Under a touch, what presses trembles. Loud noise takes the level of a quarter as far, as outliers.
-            idle.noise_peak = match is_above(ALL_USUAL.successive_variance(samples)) {
+            idle.noise_peak = match is_touch(shift, ALL_USUAL.successive_variance(samples)) {
                 true => 0.0,
                 false => halves.iter().map(|half| half.noise_peak).fold(0.0, f64::max),
             };
@@ -242,140 +198,65 @@ impl Windows {
             // An odd number: what a clean touch begins with is never half of them, and an outlier.
             let end = ((kept / 4).max(END_SAMPLES).min(last.len()) - 1) | 1;
             let end = &last[last.len() - end..];
-            let usual = Usual::of(end, steps, outlier_sigmas, &mut self.scratch);
-            idle.ends_slow = usual.goes_slowly(end, noise, idle.step);
+            idle.ends_slow = rules.usual(end).goes_slowly(end, noise, step);
         }
         Some(idle)
     }
 }
 
-/// Within which an axis' samples usually are; what is beyond is an outlier.
-struct Usual {
-    centre: [f64; 3],
-    reach: [f64; 3],
+/// How the samples of one taxel are judged.
+struct Rules<'a> {
+    /// What each axis goes up and down by, counts.
+    steps: [u32; 3],
+    /// The longest of them.
+    step: u32,
+    baseline: Option<[f64; 3]>,
+    mode: MagnitudeMode,
+    outlier_sigmas: f64,
+    scratch: &'a mut Vec<i32>,
 }
 
-/// No sample is an outlier.
-const ALL_USUAL: Usual = Usual {
-    centre: [0.0; 3],
-    reach: [f64::INFINITY; 3],
-};
+impl Rules<'_> {
+    fn usual(&mut self, samples: &[[i32; 3]]) -> Usual {
+        Usual::of(samples, self.steps, self.outlier_sigmas, self.scratch)
+    }
 
-impl Usual {
-    fn of(samples: &[[i32; 3]], steps: [u32; 3], outlier_sigmas: f64, sorted: &mut Vec<i32>) -> Self {
-        let (mut centre, mut reach) = ([0.0; 3], [0.0; 3]);
-        for a in 0..3 {
-            sorted.clear();
-            sorted.extend(samples.iter().map(|s| s[a]));
-            centre[a] = median(sorted);
-            sorted.clear();
-            sorted.extend(
-                samples
-                    .iter()
-                    .map(|s| (2 * s[a]).abs_diff((2.0 * centre[a]) as i32) as i32),
+    /// Judges half of a window, and looks in parts of it for noise beyond that `over` the whole window, of which it has the
+    /// variance from sample to sample and the rest.
+    fn half(&mut self, half: &[[i32; 3]], over: (f64, Rest)) -> Half {
+        let usual = self.usual(half);
+        let noise: f64 = usual.successive_variance(half).iter().sum();
+        let variance = usual.variance(half);
+        let parts = (half.len() / NOISE_SAMPLES).clamp(1, NOISE_PARTS);
+        let mut noise_peak = 0.0;
+        for p in 0..parts {
+            let part = &half[p * half.len() / parts..(p + 1) * half.len() / parts];
+            noise_peak = f64::max(
+                noise_peak,
+                self.usual(part).peak_where_noisier(part, over, self.mode),
             );
-            let sigma = MAD_TO_SIGMA * median(sorted) / 2.0;
-            // Quiet axes move by one step now and then; that is resolution, not an outlier.
-            reach[a] = outlier_sigmas * sigma.max(f64::from(steps[a]) / 2.0);
         }
-        Self { centre, reach }
-    }
-
-    fn keeps(&self, sample: &[i32; 3]) -> bool {
-        (0..3).all(|a| (f64::from(sample[a]) - self.centre[a]).abs() <= self.reach[a])
-    }
-
-    /// Variance of each axis from sample to sample, which slow motion does not raise; an outlier interrupts.
-    fn successive_variance(&self, samples: &[[i32; 3]]) -> [f64; 3] {
-        let (mut squares, mut pairs) = ([0.0; 3], 0u32);
-        for pair in samples.windows(2) {
-            if self.keeps(&pair[0]) && self.keeps(&pair[1]) {
-                pairs += 1;
-                for a in 0..3 {
-                    squares[a] += f64::from(pair[1][a] - pair[0][a]).powi(2) / 2.0;
-                }
-            }
-        }
-        squares.map(|s| s / f64::from(pairs.max(1)))
-    }
-
-    /// Sum of the axes' variances, of the samples that [`Usual::successive_variance`] is of, those with a neighbour that is
-    /// none either: of noise that is mostly outliers, what is left stands alone, and would be movement.
-    fn variance(&self, samples: &[[i32; 3]]) -> f64 {
-        let pairs = samples
-            .windows(2)
-            .filter(|pair| pair.iter().all(|s| self.keeps(s)));
-        let (mut sum, mut used) = ([0i64; 3], 0u32);
-        for s in pairs.clone().flatten() {
-            used += 1;
-            for a in 0..3 {
-                sum[a] += i64::from(s[a]);
-            }
-        }
-        let used = f64::from(used.max(1));
-        let mean = sum.map(|s| s as f64 / used);
-        let off = |s: &[i32; 3]| (0..3).map(|a| (f64::from(s[a]) - mean[a]).powi(2)).sum::<f64>();
-        pairs.flatten().map(off).sum::<f64>() / used
-    }
-
-    /// Whether the samples are noisier than those of the window, of which it has the variance from sample to sample, and
-    /// more slowly than noise.
-    fn goes_slowly(&self, samples: &[[i32; 3]], over: f64, step: u32) -> bool {
-        let noise: f64 = self.successive_variance(samples).iter().sum();
-        let variance = self.variance(samples);
-        noise > NOISIER_VARIANCES * over && variance > END_VARIANCES * noise && is_far(variance, step)
-    }
-
-    /// How far the samples go from their mean, outliers left out, where they are noisier than those `over` the window, of
-    /// which it has the variance from sample to sample and the rest, about the same level; 0 where they are not.
-    fn peak_where_noisier(&self, samples: &[[i32; 3]], over: (f64, Rest), mode: MagnitudeMode) -> f64 {
-        let noise: f64 = self.successive_variance(samples).iter().sum();
-        let rest = self.rest(samples, None, mode);
-        let is_noisier = noise > NOISIER_VARIANCES * over.0 && rest.peak > NOISIER_PEAKS * over.1.peak;
-        let variance = self.variance(samples);
-        let off: f64 = (0..3)
-            .map(|a| (rest.baseline[a] - over.1.baseline[a]).powi(2))
-            .sum();
-        let stays = off <= NOISE_OFF_LEVEL * NOISE_OFF_LEVEL * variance && variance <= SLOW_VARIANCES * noise;
-        match is_noisier && stays {
-            true => rest.peak,
-            false => 0.0,
+        Half {
+            rest: usual.rest(half, self.baseline, self.mode),
+            is_slow: variance > SLOW_VARIANCES * noise,
+            wanders: wanders(variance, noise, self.step),
+            noise_peak,
         }
     }
 
-    /// The rest of samples, outliers left out.
-    fn rest(&self, samples: &[[i32; 3]], baseline: Option<[f64; 3]>, mode: MagnitudeMode) -> Rest {
-        let kept = || samples.iter().filter(|s| self.keeps(s));
-        let (mut sum, mut used) = ([0i64; 3], 0u32);
-        for s in kept() {
-            used += 1;
-            for a in 0..3 {
-                sum[a] += i64::from(s[a]);
-            }
-        }
-        let mean = if used > 0 {
-            sum.map(|s| s as f64 / f64::from(used))
-        } else {
-            self.centre
-        };
-        let from = baseline.unwrap_or(mean);
-        Rest {
-            baseline: mean,
-            peak: kept().map(|s| mode.of(*s, from)).fold(0.0, f64::max),
+    /// How far the level of each axis moves within the window, counts; 0 of too few samples to tell.
+    fn level_shift(&mut self, samples: &[[i32; 3]]) -> [f64; 3] {
+        match samples.len() >= TOUCH_SAMPLES {
+            true => std::array::from_fn(|a| level_shift(samples, a, self.scratch)),
+            false => [0.0; 3],
         }
     }
 }
 
-/// Whether samples of this variance, and of so much from one to the next, vary far more slowly than noise.
-fn wanders(variance: f64, noise: f64, step: u32) -> bool {
-    is_far(variance, step) && variance > WANDER_VARIANCES * noise
-}
-
-/// Whether samples of this variance go far enough to matter. On the edge of a step they may rest above it for long, and then
-/// below.
-fn is_far(variance: f64, step: u32) -> bool {
-    let least = WANDER_COUNTS.max(f64::from(step));
-    variance > least * least
+/// Whether the level of an axis moves further than noise of this variance would take it.
+fn is_touch(shift: [f64; 3], variance: [f64; 3]) -> bool {
+    let far = |a: usize| shift[a] > TOUCH_FLOOR_COUNTS.max(TOUCH_SIGMAS * variance[a].sqrt());
+    (0..3).any(far)
 }
 
 /// Largest difference between the medians of the window's four quarters on one axis.
@@ -389,40 +270,6 @@ fn level_shift(samples: &[[i32; 3]], axis: usize, scratch: &mut Vec<i32>) -> f64
         (low, high) = (low.min(level), high.max(level));
     }
     high - low
-}
-
-/// Median of integers, the mean of the middle two where their number is even. Reorders them; they
-/// must not be empty.
-fn median(values: &mut [i32]) -> f64 {
-    let (length, middle) = (values.len(), values.len() / 2);
-    let (below, upper, _) = values.select_nth_unstable(middle);
-    let upper = f64::from(*upper);
-    if length % 2 == 1 {
-        return upper;
-    }
-    let lower = f64::from(
-        *below
-            .iter()
-            .max()
-            .expect("an even number of values has one below the middle"),
-    );
-    (lower + upper) / 2.0
-}
-
-/// Median and 1.4826 MAD of finite numbers; zeros where there are none. Reorders them.
-pub(super) fn robust_spread(values: &mut [f64]) -> (f64, f64) {
-    if values.is_empty() {
-        return (0.0, 0.0);
-    }
-    let middle = values.len() / 2;
-    let centre = *values.select_nth_unstable_by(middle, f64::total_cmp).1;
-    for v in values.iter_mut() {
-        *v = (*v - centre).abs();
-    }
-    (
-        centre,
-        MAD_TO_SIGMA * *values.select_nth_unstable_by(middle, f64::total_cmp).1,
-    )
 }
 
 #[cfg(test)]

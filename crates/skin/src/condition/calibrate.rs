@@ -3,11 +3,12 @@
 //! Judging a taxel sorts its samples, so it is spread over the frames of [`JUDGING_NS`]: at 30 Hz
 //! it takes two frames, at 1 kHz fifty, and no tick waits for the whole hand.
 
-use super::baseline::{TaxelIdle, Windows, robust_spread};
+use super::baseline::{TaxelIdle, Windows};
 use super::config::{BaselineSource, FaultRule, ThresholdSource};
 use super::faults::paper_rule;
 use super::pair::FirstPair;
 use super::report::CalibrationReport;
+use super::spread::robust_spread;
 use super::unchanging::LastingContact;
 use super::{Conditioner, MS, NEVER};
 use taxel_hand::{Fault, Faults, Freshness, TactileFrame};

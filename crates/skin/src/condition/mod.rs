@@ -20,10 +20,12 @@ mod pair;
 mod place;
 mod repair;
 mod report;
+mod spread;
 mod step;
 mod taxel;
 mod threshold;
 mod unchanging;
+mod usual;
 
 pub use calibrated::Calibrated;
 pub use config::{

@@ -1,9 +1,9 @@
 //! The contact threshold that a calibration settles on, eq. (2).
 
 use super::Conditioner;
-use super::baseline::robust_spread;
 use super::config::ThresholdSource;
 use super::moved::Movement;
+use super::spread::robust_spread;
 use taxel_hand::Fault;
 
 /// As much more than on one axis is a step on all three.
