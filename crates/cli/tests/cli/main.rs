@@ -13,6 +13,7 @@ mod codebook;
 mod compress;
 mod config;
 mod counts;
+mod counts_told;
 mod doctor;
 mod eval;
 mod eval_task;

@@ -5,6 +5,7 @@ mod faults;
 mod lasting;
 mod life;
 mod moved;
+mod noisy_hand;
 mod quiet;
 mod repair;
 mod settings;
