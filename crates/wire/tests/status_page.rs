@@ -76,6 +76,8 @@ fn the_page_is_what_the_code_says() {
     let mut reports = BTreeMap::new();
     for source in [
         include_str!("../src/status/mod.rs"),
+        include_str!("../src/status/buses.rs"),
+        include_str!("../src/status/images.rs"),
         include_str!("../src/status/joints.rs"),
         include_str!("../src/status/conditioning.rs"),
     ] {
