@@ -85,10 +85,17 @@ impl FrameMerge {
     /// The oldest frame that was not yet given, and its bus; `None` where a bus may still tell of
     /// an older one, or where every frame was given.
     pub fn pop(&mut self) -> Option<(u8, Received)> {
+        self.pop_until(u64::MAX)
+    }
+
+    /// The same of frames with stamps up to `until_ns`. Buses are taken from one after the other: where it is the time at
+    /// which that began, each has told of all that came until then, and the order is that of the times whatever came meanwhile.
+    pub fn pop_until(&mut self, until_ns: u64) -> Option<(u8, Received)> {
+        let last = self.horizon.min((until_ns, usize::MAX));
         let (bus, batch) = (self.batches.iter_mut().enumerate())
             .filter(|(_, b)| !b.is_given())
             .min_by_key(|(bus, b)| (b.frames[b.next].t_ns, *bus))
-            .filter(|(bus, b)| (b.frames[b.next].t_ns, *bus) <= self.horizon)?;
+            .filter(|(bus, b)| (b.frames[b.next].t_ns, *bus) <= last)?;
         let received = batch.frames[batch.next];
         batch.next += 1;
         Some((bus as u8, received))
@@ -168,6 +175,30 @@ mod tests {
                 assert_eq!(order(&buses, at_once, live), together, "{at_once} at once");
             }
         }
+    }
+
+    #[test]
+    fn what_came_while_buses_were_taken_from_waits_where_it_is_told_to() {
+        let mut merge = FrameMerge::new(2, 8, true);
+        let mut given = Vec::new();
+        // The second bus is taken from later, and has frames of which the first may still tell what came before them.
+        let rounds = [
+            (10, [vec![4, 9], vec![3, 12, 15]]),
+            (20, [vec![11, 14, 19], vec![20, 24]]),
+        ];
+        for (now_ns, mut told) in rounds {
+            for _ in 0..3 {
+                for (bus, stamps) in told.iter_mut().enumerate() {
+                    merge.fill(bus, now_ns, |frames| {
+                        frames.extend(stamps.drain(..).map(received));
+                        false
+                    });
+                }
+                given.extend(std::iter::from_fn(|| merge.pop_until(now_ns)).map(|(_, r)| r.t_ns));
+            }
+        }
+        assert_eq!(given, [3, 4, 9, 11, 12, 14, 15, 19, 20]);
+        assert_eq!(merge.pop(), Some((1, received(24))));
     }
 
     #[test]

@@ -65,7 +65,8 @@ fn read_buses(buses: Buses, queue: &SyncSender<Message>, shared: &Shared<'_>) ->
                 merge.fill(bus, now_ns, |frames| source.receive(now_ns, frames));
             }
             let mut any = false;
-            while let Some((bus, received)) = merge.pop() {
+            // What came since waits for what another bus has of before; there is time.
+            while let Some((bus, received)) = merge.pop_until(now_ns) {
                 any = true;
                 blocks.push(bus, &received);
             }
@@ -81,6 +82,9 @@ fn read_buses(buses: Buses, queue: &SyncSender<Message>, shared: &Shared<'_>) ->
         if now_ns.saturating_sub(blocks.block.start_ns()) >= CAN_BLOCK_NS {
             blocks.hand_over();
         }
+    }
+    while let Some((bus, received)) = merge.pop() {
+        blocks.push(bus, &received);
     }
     blocks.hand_over();
     others
