@@ -1,9 +1,12 @@
 """`taxel view` on a terminal: what its keys do outside of the picture."""
 
+import signal
 import socket
 import subprocess
+import termios
 
 import pyte
+import pytest
 from harness.bus import GROUP, free_udp_port
 from harness.daemon import binary, eventually
 from harness.recorder import messages
@@ -18,6 +21,18 @@ def test_of_a_daemon_that_says_nothing_it_is_told_that_it_may_hang(folder):
             terminal.wait_for("images.sock: taxeld says nothing; its log says what it does, and where it hangs, restart it")
             terminal.press("q")
             assert terminal.end() == 0
+
+
+@pytest.mark.parametrize("by", [signal.SIGTERM, signal.SIGINT, signal.SIGHUP, signal.SIGQUIT], ids=lambda by: by.name)
+def test_whoever_ends_it_finds_the_terminal_as_it_was(start, folder, by):
+    daemon = start(sources=["sim:ball-grasp"] * 2, boards={"mode": "free-running"})
+    with Terminal(folder, "view", "--socket", daemon.images) as terminal:
+        terminal.wait_for("allegro")
+        echoes = lambda: termios.tcgetattr(terminal.keys)[3] & (termios.ECHO | termios.ICANON)  # noqa: E731
+        assert not echoes()
+        terminal.process.send_signal(by)
+        assert terminal.end() == 0
+        assert echoes() == termios.ECHO | termios.ICANON
 
 
 def test_a_key_records_into_a_file_named_by_the_time_and_ends_it(start, folder):

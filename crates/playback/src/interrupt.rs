@@ -1,6 +1,6 @@
 //! Ctrl-C as a question that loops ask.
 
-use signal_hook::consts::{SIGHUP, SIGINT, SIGTERM};
+use signal_hook::consts::{SIGHUP, SIGINT, SIGQUIT, SIGTERM};
 use signal_hook::iterator::Signals;
 use std::path::PathBuf;
 use std::sync::Arc;
@@ -13,13 +13,16 @@ const LOOK: Duration = Duration::from_millis(50);
 /// How soon behind a Ctrl-C another signal is the same one: `timeout` sends it to the command and to its group.
 const SAME: Duration = Duration::from_millis(500);
 
+/// What is to end a program and leaves it time to do so: a terminal that is raw is to be put right again.
+const ENDING: [i32; 4] = [SIGINT, SIGTERM, SIGQUIT, SIGHUP];
+
 /// Whether the work has taken over what ends a process.
 static TAKEN_OVER: AtomicBool = AtomicBool::new(false);
 
-/// Does `last` before Ctrl-C or SIGTERM ends the process, as they do without, until an [`Ending`] or an [`Interrupt`] has
+/// Does `last` before Ctrl-C, SIGTERM or SIGQUIT ends the process, as they do without, until an [`Ending`] or an [`Interrupt`] has
 /// taken them over and sees to its own end. SIGHUP is left alone: `nohup` has it ignored.
 pub fn before_the_end(last: fn()) -> std::io::Result<()> {
-    let mut signals = Signals::new([SIGINT, SIGTERM])?;
+    let mut signals = Signals::new([SIGINT, SIGTERM, SIGQUIT])?;
     std::thread::Builder::new()
         .name("before the end".into())
         .spawn(move || {
@@ -33,7 +36,7 @@ pub fn before_the_end(last: fn()) -> std::io::Result<()> {
     Ok(())
 }
 
-/// Ctrl-C, SIGTERM and SIGHUP for work that does not look at an [`Interrupt`]: from when they are caught until the work is
+/// Ctrl-C, SIGTERM, SIGQUIT and SIGHUP for work that does not look at an [`Interrupt`]: from when they are caught until the work is
 /// told what to remove, they wait.
 #[derive(Debug)]
 pub struct Ending(Signals);
@@ -42,7 +45,7 @@ impl Ending {
     /// Takes the signals over.
     pub fn catch() -> std::io::Result<Self> {
         TAKEN_OVER.store(true, Ordering::Relaxed);
-        Ok(Self(Signals::new([SIGINT, SIGTERM, SIGHUP])?))
+        Ok(Self(Signals::new(ENDING)?))
     }
 
     /// Ends the process at the first of them, once these files of half a result are removed, and `last` is done.
@@ -62,16 +65,16 @@ impl Ending {
     }
 }
 
-/// Whether the user asked to stop. The first Ctrl-C (or SIGTERM) sets it, the second, half a second later or more, ends
+/// Whether the user asked to stop. The first Ctrl-C (or SIGTERM, or SIGQUIT) sets it, the second, half a second later or more, ends
 /// the process; SIGHUP only sets it.
 #[derive(Debug, Clone)]
 pub struct Interrupt(Arc<AtomicBool>);
 
 impl Interrupt {
-    /// Takes over SIGINT, SIGTERM, and SIGHUP, which a closed terminal sends.
+    /// Takes over SIGINT, SIGTERM, SIGQUIT, and SIGHUP, which a closed terminal sends.
     pub fn install() -> std::io::Result<Self> {
         let flag = Arc::new(AtomicBool::new(false));
-        let mut signals = Signals::new([SIGINT, SIGTERM, SIGHUP])?;
+        let mut signals = Signals::new(ENDING)?;
         TAKEN_OVER.store(true, Ordering::Relaxed);
         let asked = Arc::clone(&flag);
         std::thread::Builder::new()
