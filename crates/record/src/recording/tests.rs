@@ -1,4 +1,5 @@
 use super::*;
+use crate::table::{Columns, ReadOptions, Table, Void};
 
 fn table(shape: &[usize], values: Vec<f64>) -> Table {
     assert_eq!(values.len(), shape.iter().product::<usize>());
