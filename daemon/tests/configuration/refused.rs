@@ -4,10 +4,9 @@ use std::fs::{OpenOptions, Permissions};
 use std::io::Write;
 use std::os::unix::fs::PermissionsExt;
 use std::os::unix::process::CommandExt;
-use std::path::{Path, PathBuf};
+use std::path::Path;
 use std::process::{Command, Output, Stdio};
 use std::time::{Duration, Instant};
-use taxeld::Config;
 
 #[test]
 fn what_is_wrong_is_one_line_though_the_environment_asks_for_backtraces() {

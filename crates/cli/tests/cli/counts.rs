@@ -1,7 +1,7 @@
 //! Counts of three axes, from whatever skin and in whatever file.
 
 use crate::{fails, succeeds, words};
-use ndarray::{Array1, Array3, Array4, Axis, s};
+use ndarray::{Array1, Array3, Array4, s};
 use ndarray_npy::{NpzReader, NpzWriter, write_npy};
 use std::fs::{File, read_to_string, write};
 use taxel_skin::Layout;
@@ -221,7 +221,7 @@ fn a_taxel_without_a_value_is_missing_from_file_to_file() {
     let dir = TempDir::new().unwrap();
     let mut counts = counts();
     for (frame, taxel) in [(0, 15), (7, 3), (7, 4)] {
-        counts.slice_mut(ndarray::s![frame, taxel, ..]).fill(f32::NAN);
+        counts.slice_mut(s![frame, taxel, ..]).fill(f32::NAN);
     }
     write_npz(&dir, "module.npz", &counts, &times());
     let wanted = compressed(&dir, "module.npz", "grid:4x4", &["--frames", "frames.csv"]);
@@ -249,7 +249,7 @@ fn frames_before_a_taxel_has_a_value_are_left_out_and_counted() {
     let dir = TempDir::new().unwrap();
     for (silent, said) in [(0, ""), (1, "1 frame is left out"), (3, "3 frames are left out")] {
         let mut counts = counts();
-        counts.slice_mut(ndarray::s![..silent, .., ..]).fill(f32::NAN);
+        counts.slice_mut(s![..silent, .., ..]).fill(f32::NAN);
         write_npz(&dir, "module.npz", &counts, &times());
         for out in ["out.npz", "out.csv"] {
             let (_, err) = succeeds(&dir, &["convert", "module.npz", out, "--layout", "grid:4x4"]);
