@@ -58,7 +58,8 @@ class Viewer:
     def __init__(self, bridge, *topics, protocol=PROTOCOL, host="127.0.0.1", **options):
         self.stack = ExitStack()
         # A test that looks at something else for a while has not stopped reading.
-        options |= {"subprotocols": [protocol], "max_size": None, "max_queue": None, "proxy": None, "ping_interval": None}
+        options = {"max_queue": None, **options}
+        options |= {"subprotocols": [protocol], "max_size": None, "proxy": None, "ping_interval": None}
         self.socket = self.stack.enter_context(connect(f"ws://{host}:{bridge.port}", **options))
         self.statuses, self.removed, self.messages = [], [], {}
         self.channels, self.topics, self.decoders = {}, {}, {}

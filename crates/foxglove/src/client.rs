@@ -1,6 +1,7 @@
 //! A client's task: what it says, and what it is sent.
 
 use crate::counts::add;
+use crate::flight::Flight;
 use crate::hub::{Client, Hub, ToSend};
 use crate::protocol::{ClientText, DATA_HEAD};
 use crate::stream::{Stream, TooMuch};
@@ -79,6 +80,7 @@ pub(crate) async fn attend(
         unsent_since: None,
         untaken: 0,
         pinged: Instant::now(),
+        flight: Flight::new(Instant::now()),
         faults: 0,
         messages: 0,
     };
@@ -134,6 +136,7 @@ struct Attended<'a> {
     /// Bytes of answers since the socket last took all.
     untaken: usize,
     pinged: Instant,
+    flight: Flight,
     faults: u32,
     messages: u64,
 }
@@ -181,7 +184,8 @@ impl Attended<'_> {
                 Message::Text(text) => self.heed(text.as_str())?,
                 Message::Binary(_) => self.fault("nothing is published by clients here")?,
                 Message::Ping(asked) => self.is_asked(asked.len())?,
-                Message::Pong(_) | Message::Close(_) | Message::Frame(_) => {}
+                Message::Pong(pong) => self.flight.is_answered(&pong, Instant::now()),
+                Message::Close(_) | Message::Frame(_) => {}
             }
         }
     }
@@ -225,7 +229,7 @@ impl Attended<'_> {
         self.unsent_since.get_or_insert_with(Instant::now);
     }
 
-    /// Sends what there is, as far as the socket takes it.
+    /// Sends what there is, as far as the socket takes it and the client reads it.
     fn write(&mut self) -> Result<(), End> {
         while self.websocket.can_write() {
             if self.unsent_since.is_some() {
@@ -236,6 +240,7 @@ impl Attended<'_> {
             }
             let mut put = 0;
             while put < AT_ONCE
+                && !self.flight.is_full()
                 && let Some(next) = self.client.next()
             {
                 let message = match next {
@@ -247,10 +252,14 @@ impl Attended<'_> {
                         Message::from(data)
                     }
                 };
-                put += message.len();
+                let bytes = message.len();
+                put += bytes;
                 self.is_unsent();
                 // What the socket does not take is kept, and flushed.
                 unless_blocked(self.websocket.write(message))?;
+                if let Some(ping) = self.flight.send(bytes, Instant::now()) {
+                    unless_blocked(self.websocket.write(Message::Ping(ping.to_vec().into())))?;
+                }
             }
             if put == 0 {
                 break;
@@ -264,10 +273,8 @@ impl Attended<'_> {
         let now = Instant::now();
         let since = |then: Instant| now.saturating_duration_since(then);
         let stream = self.websocket.get_ref();
-        if self
-            .unsent_since
-            .is_some_and(|unsent| since(unsent.max(stream.taken)) > STALL)
-        {
+        let is_stuck = (self.unsent_since).is_some_and(|unsent| since(unsent.max(stream.taken)) > STALL);
+        if is_stuck || self.flight.stands(now) > STALL {
             return Err(End::LetGo(
                 CloseCode::Policy,
                 format!("takes nothing for {STALL:?}"),

@@ -9,6 +9,7 @@ mod allowance;
 mod client;
 mod counts;
 mod daemon;
+mod flight;
 mod handshake;
 mod hub;
 mod protocol;
