@@ -2,6 +2,7 @@
 
 use super::counts::{FRAMES_BEFORE, Followed};
 use super::map_file::MapFile;
+use super::newest_reading::NewestReading;
 use super::probe::Probe;
 use super::values::Values;
 use super::waiting_marks::WaitingMarks;
@@ -295,6 +296,7 @@ struct Following<'a> {
     live: &'a mut Live,
     listener: &'a mut dyn Listener,
     marks: WaitingMarks,
+    newest_reading: NewestReading,
     /// The number of the newest frame.
     newest: u64,
     followed: Vec<Followed>,
@@ -306,6 +308,7 @@ fn follow_one(subscriber: Subscriber, live: &mut Live, listener: &mut dyn Listen
         live,
         listener,
         marks: WaitingMarks::default(),
+        newest_reading: NewestReading::default(),
         newest: 0,
         followed: Vec::new(),
     };
@@ -355,6 +358,10 @@ impl Following<'_> {
             self.listener.lost(header.skipped, header.seq);
         }
         self.newest = header.seq;
+        let ages_us = raw.taxels().map(|taxel| taxel.age_us);
+        if !self.newest_reading.advances(header.t_ns, ages_us) {
+            return Ok(());
+        }
         let one = live.grid.taxels == raw.taxels().len();
         if one {
             let has_three = raw.taxels().any(|taxel| taxel.counts[..2] != [0, 0]);
