@@ -1,7 +1,7 @@
 //! A file of a recording that is written on a disk which may be full.
 
-use crate::series::SharedSeries;
-use std::io::{self, ErrorKind, Seek, SeekFrom, Write};
+use crate::series::{SharedSeries, is_of_full_disk};
+use std::io::{self, Seek, SeekFrom, Write};
 use std::thread;
 use std::time::Duration;
 
@@ -55,16 +55,12 @@ impl<W: Seek> Seek for RoomyFile<W> {
     }
 }
 
-/// Whether the disk, or what its user may have of it, is used up.
-pub(crate) fn is_of_full_disk(error: &io::Error) -> bool {
-    matches!(error.kind(), ErrorKind::StorageFull | ErrorKind::QuotaExceeded)
-}
-
 #[cfg(test)]
 mod tests {
     use super::*;
     use crate::series::Series;
     use std::fs::File;
+    use std::io::ErrorKind;
     use std::path::Path;
 
     /// A file in a folder that holds so many bytes, and has the room of a removed file only some writes later.

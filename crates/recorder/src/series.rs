@@ -1,6 +1,5 @@
 //! The files of one recording: how they are called, which are there, and which make room for new ones.
 
-use crate::roomy_file::is_of_full_disk;
 use crate::store_error::StoreError;
 use mcap::MAGIC;
 use std::fs::{File, OpenOptions, TryLockError};
@@ -236,6 +235,14 @@ pub fn numbered_beside(path: &Path) -> Vec<PathBuf> {
         beside.extend(numbered_files(path).into_iter().map(|(_, file)| file));
     }
     beside
+}
+
+/// Whether the disk, or what its user may have of it, is used up.
+pub(crate) fn is_of_full_disk(error: &io::Error) -> bool {
+    matches!(
+        error.kind(),
+        io::ErrorKind::StorageFull | io::ErrorKind::QuotaExceeded
+    )
 }
 
 fn is_recording(path: &Path) -> bool {
