@@ -24,15 +24,17 @@ pub enum RecordError {
         /// What is wrong and what to do.
         reason: String,
     },
-    /// A magnitude that is not a number, where every cell of a frame is a taxel.
-    #[error("{at}: frame {frame}, taxel {taxel} is NaN; a magnitude is a finite number")]
-    NotANumber {
+    /// A magnitude that is infinite, or not a number where every cell of a frame is a taxel.
+    #[error("{at}: frame {frame}, taxel {taxel} is {value}; a magnitude is a finite number")]
+    NotFinite {
         /// File, and the array where there is one.
         at: String,
         /// The frame, from 0.
         frame: usize,
         /// The taxel, from 0.
         taxel: usize,
+        /// What it is: infinite, or NaN.
+        value: f64,
         /// Cells of a frame.
         cells: usize,
         /// How many of them are empty at the end of the first line of a .csv where there may be one more, since that ends

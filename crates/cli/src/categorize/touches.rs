@@ -13,7 +13,7 @@ use taxel_can::Received;
 use taxel_engine::{Engine, Frames, TickMode};
 use taxel_hand::{plural, shell_word};
 use taxel_playback::{recorded, stand_in};
-use taxel_record::{FileKind, ReadOptions, Recording};
+use taxel_record::{FileKind, ReadOptions, RecordError, Recording};
 use taxel_sequence::{
     Aligned, Alignment, Cut, Mark, Motion, SequenceError, Touch, align, cut_by_contact, sure_step,
 };
@@ -256,7 +256,13 @@ pub(super) fn open(path: &Path, options: &ReadOptions) -> anyhow::Result<Recordi
             shell_word(path.with_extension("npz").display())
         ),
         Some(FileKind::Mcap) => recorded::frames(path),
-        _ => Ok(Recording::open(path, options)?),
+        _ => Recording::open(path, options).map_err(|error| match error {
+            RecordError::NotFinite { .. } => anyhow::anyhow!(
+                "{error}, and touches are compared in all taxels. Where it stands for no reading, write the one before it; take \
+                 a taxel without any out of every file"
+            ),
+            _ => error.into(),
+        }),
     }
 }
 

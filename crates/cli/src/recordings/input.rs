@@ -154,12 +154,21 @@ impl InputArgs {
 
     /// Says of cells that are not a number what they may be: of a taxel without counts, or without a magnitude.
     fn advised(&self, error: RecordError, hand: impl FnOnce() -> anyhow::Result<Layout>) -> anyhow::Error {
-        let RecordError::NotANumber {
-            cells, empty_at_end, ..
+        let RecordError::NotFinite {
+            value,
+            cells,
+            empty_at_end,
+            ..
         } = error
         else {
             return error.into();
         };
+        if !value.is_nan() {
+            return anyhow::anyhow!(
+                "{error}. Where it stands for none, write NaN instead (in a .csv an empty cell): with --void nan the taxel is \
+                 then missing"
+            );
+        }
         let void = "with --void nan the taxel is missing in that frame, and cells that are NaN in all frames are no taxels";
         let Some(hand) = hand().ok().filter(|_| self.is_csv()) else {
             return anyhow::anyhow!("{error}; {void}");

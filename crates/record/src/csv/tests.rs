@@ -257,7 +257,7 @@ fn an_empty_cell_at_the_end_is_the_z_of_the_last_taxel_where_threes_need_it() {
         ("a,b,c,\n1,2,,\n", 0),
     ] {
         match recording_of(text, &ReadOptions::default()).unwrap_err() {
-            RecordError::NotANumber {
+            RecordError::NotFinite {
                 cells, empty_at_end, ..
             } => assert_eq!((cells, empty_at_end), (3, wanted), "{text:?}"),
             error => panic!("{text:?}: {error}"),

@@ -170,21 +170,15 @@ fn magnitudes(
     let Some(i) = (0..values.len()).find(is_bad) else {
         return Ok(values);
     };
-    let ((frame, taxel), value) = (place(i), values[i]);
-    if value.is_nan() {
-        return Err(RecordError::NotANumber {
-            at: at.to_owned(),
-            frame,
-            taxel,
-            cells: all,
-            empty_at_end,
-        });
-    }
-    let reason = format!(
-        "frame {frame}, taxel {taxel} is {value}; a magnitude is a finite number. Where it stands for none, write NaN instead \
-         (in a .csv an empty cell): with --void nan the taxel is then missing"
-    );
-    Err(RecordError::unreadable(at, reason))
+    let (frame, taxel) = place(i);
+    Err(RecordError::NotFinite {
+        at: at.to_owned(),
+        frame,
+        taxel,
+        value: values[i],
+        cells: all,
+        empty_at_end,
+    })
 }
 
 /// The counts of frames that have three columns for each taxel, or with `is_flat` false are of that shape.

@@ -159,7 +159,7 @@ fn void_cells_are_no_taxels() {
             &[1.0, f64::INFINITY, 2.0, 3.0, nan, 4.0],
             Some(Void::Nan),
             None,
-            "taxel 1 is inf; a magnitude is a finite number. Where it stands for none, write NaN",
+            "taxel 1 is inf; a magnitude is a finite number",
         ),
         (&[nan; 6], Some(Void::Nan), None, "every cell is void"),
     ] {
