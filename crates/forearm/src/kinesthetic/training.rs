@@ -103,19 +103,22 @@ impl Training {
             let others = Others::of(&ranges);
             for (trial, [least, most]) in trials.iter().zip(&ranges) {
                 let [low, high] = others.of_all_but([*least, *most]);
-                let (span, moved) = (high - low, most - least);
-                let refused = |error| Err(within(trial)(error));
-                if MOTORS.contains(&n) && moved < LEAST_MOVED * span {
-                    return refused(ForearmError::Still { name, moved, span });
-                }
                 let (low, high) = (low - BEYOND_OTHERS_DEG, high + BEYOND_OTHERS_DEG);
                 if let Some(value) = [*least, *most].into_iter().find(|v| !(low..=high).contains(v)) {
-                    return refused(ForearmError::Angle {
+                    return Err(within(trial)(ForearmError::Angle {
                         name,
                         value,
                         low,
                         high,
-                    });
+                    }));
+                }
+            }
+            // Where one is far off, sound motors hardly move beside it: it is named before them.
+            for (trial, [least, most]) in trials.iter().zip(&ranges).filter(|_| MOTORS.contains(&n)) {
+                let [low, high] = others.of_all_but([*least, *most]);
+                let (span, moved) = (high - low, most - least);
+                if moved < LEAST_MOVED * span {
+                    return Err(within(trial)(ForearmError::Still { name, moved, span }));
                 }
             }
         }

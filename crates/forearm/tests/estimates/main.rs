@@ -292,6 +292,11 @@ fn training_names_the_squeeze_that_it_cannot_take() {
         &|s| s.trials[6..8].iter_mut().for_each(|t| in_radians(&mut t.squeeze)),
         "the squeeze 1 at 8.3 %: theta_a of finger 0 moves by 0.",
     );
+    // One torn reading of a motor, beside which sound motors hardly move.
+    refused(
+        &|s| s.trials[7].squeeze.theta_a_deg[0][40] = 3000.0,
+        "the squeeze 2 at 8.3 %: theta_a of finger 0 is 3000.00",
+    );
     refused(
         &|s| {
             s.trials[7].squeeze.theta_p_deg[1]
