@@ -1,6 +1,5 @@
 //! Principal components: beside scikit-learn's, and on spectra that are known.
 
-use nalgebra::{DMatrix, DVector, QR};
 use serde_json::Value;
 use taxel_palpation::{Agreement, Matrix, PalpationError, Pca, Silhouette, Solver, optimal};
 
@@ -88,20 +87,46 @@ fn what_scikit_learn_says_is_said_here() {
     }
 }
 
+fn dot(a: &[f64], b: &[f64]) -> f64 {
+    a.iter().zip(b).map(|(a, b)| a * b).sum()
+}
+
+/// As many orthonormal vectors of this length, of which the first stands along `first` where it is given: Gram and Schmidt's,
+/// twice, so that they are orthogonal to the last places.
+fn orthonormal(length: usize, count: usize, salt: usize, first: Option<f64>) -> Vec<Vec<f64>> {
+    let scatter =
+        |i: usize, j: usize| ((i * 7919 + j * j * 613 + i * j * 31 + salt) % 1009) as f64 / 504.0 - 1.0;
+    let mut vectors: Vec<Vec<f64>> = Vec::new();
+    for j in 0..count {
+        let start = first.filter(|_| j == 0);
+        let mut vector: Vec<f64> = (0..length)
+            .map(|i| start.unwrap_or_else(|| scatter(i, j)))
+            .collect();
+        for _ in 0..2 {
+            for other in &vectors {
+                let along = dot(&vector, other);
+                vector.iter_mut().zip(other).for_each(|(x, o)| *x -= along * o);
+            }
+            let norm = dot(&vector, &vector).sqrt();
+            vector.iter_mut().for_each(|x| *x /= norm);
+        }
+        vectors.push(vector);
+    }
+    vectors
+}
+
 /// Touches `D x N` whose centred matrix has these singular values, and an offset on every feature.
 fn of_spectrum(features: usize, count: usize, spectrum: &[f64], offset: f64) -> Matrix {
-    let scatter = |rows: usize, columns: usize, salt: usize| {
-        DMatrix::from_fn(rows, columns, |i, j| {
-            ((i * 7919 + j * j * 613 + i * j * 31 + salt) % 1009) as f64 / 504.0 - 1.0
-        })
-    };
-    let left = QR::new(scatter(features, spectrum.len(), 1)).q();
+    let left = orthonormal(features, spectrum.len(), 1, None);
     // Vectors of the touches' side must not change the mean: a column of ones before them takes it out.
-    let mut ones = scatter(count, spectrum.len() + 1, 2);
-    ones.column_mut(0).fill(1.0);
-    let right = QR::new(ones).q().columns(1, spectrum.len()).into_owned();
-    let centred = left * DMatrix::from_diagonal(&DVector::from_row_slice(spectrum)) * right.transpose();
-    Matrix::new(features, count, centred.iter().map(|x| x + offset).collect())
+    let right = &orthonormal(count, spectrum.len() + 1, 2, Some(1.0))[1..];
+    let components = || spectrum.iter().zip(&left).zip(right);
+    Matrix::from_fn(features, count, |d, n| {
+        offset
+            + components()
+                .map(|((value, left), right)| value * left[d] * right[n])
+                .sum::<f64>()
+    })
 }
 
 #[test]
@@ -129,12 +154,16 @@ fn spectra_of_any_condition_come_back() {
                 "{features} x {count}: {found}, not {expected}"
             );
         }
-        let loadings = DMatrix::from_column_slice(features, spectrum.len(), pca.components().as_slice());
-        let gram = loadings.tr_mul(&loadings);
-        assert!(
-            (gram - DMatrix::identity(pca.rank(), pca.rank())).amax() < 1e-12,
-            "{features} x {count}"
-        );
+        assert_eq!(pca.components().ncols(), spectrum.len(), "{features} x {count}");
+        for (i, a) in pca.components().column_iter().enumerate() {
+            for (j, b) in pca.components().column_iter().enumerate() {
+                let expected = f64::from(u8::from(i == j));
+                assert!(
+                    (dot(a, b) - expected).abs() < 1e-12,
+                    "{features} x {count}: {i} {j}"
+                );
+            }
+        }
     }
 }
 
