@@ -31,6 +31,9 @@ pub fn plain_words(message: &str) -> String {
     if let Some(key) = message.strip_prefix("missing field `") {
         return format!("the key `{key} is missing here");
     }
+    if message == "wanted string or table" {
+        return "a word is wanted here, in quotes".into();
+    }
     if message.starts_with("unexpected leading zero") {
         return "a number does not begin with 0; a mode is text, in quotes: mode = \"0660\"".into();
     }
@@ -108,6 +111,7 @@ fn wanted_words(wanted: &str) -> Option<(String, bool)> {
         "u8" => return Some((whole(0, u8::MAX.into()), true)),
         "u16" => return Some((whole(0, u16::MAX.into()), true)),
         "u32" => return Some((whole(0, u32::MAX.into()), true)),
+        "i8" => return Some((whole(i8::MIN.into(), i8::MAX.into()), true)),
         "i16" => return Some((whole(i16::MIN.into(), i16::MAX.into()), true)),
         "i32" => return Some((whole(i32::MIN.into(), i32::MAX.into()), true)),
         "u64" | "usize" => return Some(("a whole number from 0".into(), true)),
@@ -135,6 +139,7 @@ mod tests {
     struct File {
         rate_hz: Option<f64>,
         levels: Option<u8>,
+        direction: Option<i8>,
         file: Option<PathBuf>,
         on: Option<bool>,
         method: Option<Method>,
@@ -206,7 +211,7 @@ mod tests {
             ),
             (
                 "rate = 3",
-                "unknown key `rate`; did you mean `rate_hz`? There are rate_hz, levels, file, on, method, place, bus, tick",
+                "unknown key `rate`; did you mean `rate_hz`? There are rate_hz, levels, direction, file, on, method, place, bus, tick",
             ),
             (
                 "method = \"papr\"",
@@ -215,6 +220,11 @@ mod tests {
             (
                 "method = \"x`, expected `y\"",
                 "unknown word `x`, expected `y`; there are paper, optimal",
+            ),
+            ("method = true", "a word is wanted here, in quotes"),
+            (
+                "direction = -1.0",
+                "a whole number from -128 to 127 is wanted here, not -1.0",
             ),
             (
                 "on = 0660",
