@@ -389,18 +389,6 @@ fn what_cannot_be_categorised_is_named() {
     write("some.csv", &manifest.replacen(",soft,", ",,", 2));
     let (out, _) = succeeds(&dir, &["categorize", "some.csv", "--classes", "2"]);
     assert!(out.contains("not known: 2 of 6 touches have no class"), "{out}");
-    write("nans.csv", "file\nnan.npy\n");
-    for value in [f32::NAN, f32::INFINITY] {
-        let frames = ndarray::Array2::<f32>::from_elem((9, 4), value);
-        ndarray_npy::write_npy(dir.path().join("nan.npy"), &frames).unwrap();
-        let err = fails(&dir, &["categorize", "nans.csv", "--classes", "2"], 1);
-        assert!(
-            err.contains("a magnitude is a finite number")
-                && err.contains("out of every file")
-                && !err.contains("--void"),
-            "{err}"
-        );
-    }
     let err = fails(&dir, &["categorize", "manifest.csv", "--classes", "7"], 1);
     assert!(
         err.contains("7 categories of 6 different touches; ask for 2 to 6"),

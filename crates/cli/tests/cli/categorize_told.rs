@@ -198,3 +198,20 @@ fn counts_that_turn_over_are_followed_and_chips_that_do_not_answer_are_told() {
     assert_eq!(silent, wanted, "{err}");
     assert!(err.contains(&format!("2 readings {told}")), "{err}");
 }
+
+#[test]
+fn a_value_that_is_no_number_is_told_with_what_can_be_done() {
+    let dir = tempfile::tempdir().unwrap();
+    std::fs::write(dir.path().join("bad.csv"), "file\nbad.npy\n").unwrap();
+    for value in [f32::NAN, f32::INFINITY] {
+        let frames = ndarray::Array2::<f32>::from_elem((9, 4), value);
+        ndarray_npy::write_npy(dir.path().join("bad.npy"), &frames).unwrap();
+        let err = fails(&dir, &["categorize", "bad.csv", "--classes", "2"], 1);
+        assert!(
+            err.contains("a magnitude is a finite number")
+                && err.contains("out of every file")
+                && !err.contains("--void"),
+            "{err}"
+        );
+    }
+}
