@@ -182,7 +182,7 @@ fn extract(args: &Args, ending: &str) -> anyhow::Result<()> {
         shown.images.len()
     } else {
         let mut whole = OutputFile::stream(out)?;
-        let (_, marks) = recorded::frames_and_marks(path)?;
+        let marks = recorded::marks(path)?;
         let text = marks_file::text(&marks)?;
         create_stream(whole.path())
             .and_then(|mut file| file.write_all(&text))

@@ -22,6 +22,7 @@ mod counts;
 mod interfaces;
 pub mod interrupt;
 mod mcap;
+pub mod newest_reading;
 mod output;
 pub mod pipeline;
 pub mod progress;

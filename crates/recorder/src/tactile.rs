@@ -62,6 +62,7 @@ pub struct RecordedFrame<'a> {
     pub threshold: f32,
     counts: Cells<'a, 2>,
     faults: Cells<'a, 2>,
+    ages: Cells<'a, 4>,
     freshness: &'a [u8],
     marks: &'a [u8],
     joints: Cells<'a, 4>,
@@ -75,13 +76,13 @@ impl<'a> RecordedFrame<'a> {
         let (seq, t_ns) = (cdr.u64()?, cdr.u64()?);
         let (flags, _skipped, threshold) = (cdr.u16()?, cdr.u32()?, cdr.f32()?);
         let counts = cdr.list()?;
-        let (faults, _force, _age) = (cdr.list()?, cdr.list::<4>()?, cdr.list::<4>()?);
+        let (faults, _force, ages) = (cdr.list()?, cdr.list::<4>()?, cdr.list()?);
         let (freshness, _status, marks) = (cdr.bytes()?, cdr.bytes()?, cdr.bytes()?);
         let joints = cdr.list()?;
-        let (_ages, _velocities, _currents) = (cdr.list::<4>()?, cdr.list::<4>()?, cdr.list::<4>()?);
+        let (_joint_ages, _velocities, _currents) = (cdr.list::<4>()?, cdr.list::<4>()?, cdr.list::<4>()?);
         let baselines = cdr.list()?;
         let taxels = freshness.len();
-        let fit = [counts.len(), 3 * faults.len(), 3 * marks.len()] == [3 * taxels; 3];
+        let fit = [counts.len(), 3 * faults.len(), 3 * ages.len(), 3 * marks.len()] == [3 * taxels; 4];
         (fit && [0, 3 * taxels].contains(&baselines.len())).then_some(Self {
             seq,
             t_ns,
@@ -89,6 +90,7 @@ impl<'a> RecordedFrame<'a> {
             threshold,
             counts,
             faults,
+            ages,
             freshness,
             marks,
             joints,
@@ -120,6 +122,11 @@ impl<'a> RecordedFrame<'a> {
             let is_fresh = *freshness == freshness_number(Freshness::Fresh);
             is_fresh.then(|| xyz.map(u16::from_le_bytes))
         })
+    }
+
+    /// Age of each taxel's value at the frame's time, microseconds; `u32::MAX` where it never had one.
+    pub fn ages_us(&self) -> impl ExactSizeIterator<Item = u32> + use<'a> {
+        self.ages.iter().map(|age| u32::from_le_bytes(*age))
     }
 
     /// Whether any taxel has a value of the frame's time.

@@ -2,7 +2,6 @@
 
 use super::counts::{FRAMES_BEFORE, Followed};
 use super::map_file::MapFile;
-use super::newest_reading::NewestReading;
 use super::probe::Probe;
 use super::values::Values;
 use super::waiting_marks::WaitingMarks;
@@ -16,6 +15,7 @@ use std::fmt;
 use std::path::Path;
 use taxel_hand::{Freshness, plural};
 use taxel_palpation::Classifier;
+use taxel_playback::newest_reading::NewestReading;
 use taxel_sequence::{Aligned, Alignment, Motion, SequenceError, Touch};
 use taxel_wire::{EventKind, Header, Hello, Kind, RawTaxel, RawView, Received, Subscriber};
 

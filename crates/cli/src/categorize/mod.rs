@@ -6,7 +6,6 @@ mod labels;
 mod live;
 mod manifest;
 mod map_file;
-mod newest_reading;
 mod phantom_map;
 mod probe;
 mod report;

@@ -161,7 +161,7 @@ pub(crate) fn of_recording(
     motion: Option<Motion>,
 ) -> anyhow::Result<Set> {
     let (recording, marks) = match FileKind::of(path) {
-        Some(FileKind::Mcap) => recorded::frames_and_marks(path)?,
+        Some(FileKind::Mcap) => recorded::read_frames_and_marks(path)?,
         _ => (open(path, options)?, Vec::new()),
     };
     let is_timed = motion.is_none() || cutting.marks.is_some();
@@ -255,7 +255,7 @@ pub(super) fn open(path: &Path, options: &ReadOptions) -> anyhow::Result<Recordi
             shell_word(path.display()),
             shell_word(path.with_extension("npz").display())
         ),
-        Some(FileKind::Mcap) => recorded::frames(path),
+        Some(FileKind::Mcap) => recorded::read_frames(path),
         _ => Recording::open(path, options).map_err(|error| match error {
             RecordError::NotFinite { .. } => anyhow::anyhow!(
                 "{error}, and touches are compared in all taxels. Where it stands for no reading, write the one before it; take \

@@ -1,6 +1,7 @@
 //! An MCAP recording as an input: the frames and images that the daemon made, and the marks in between.
 
 use super::head::Head;
+use crate::newest_reading::NewestReading;
 use anyhow::bail;
 use std::path::Path;
 use taxel_hand::{TactileImage, plural, shell_word};
@@ -16,6 +17,15 @@ const MOST_TOPICS: usize = 8;
 
 /// The tactile frames that the daemon made, counts and joint angles, from the first in which a taxel has a value.
 pub fn frames(path: &Path) -> anyhow::Result<Recording> {
+    wanted_frames(path, Wanted::Every)
+}
+
+/// The same, of those that were made of new readings.
+pub fn read_frames(path: &Path) -> anyhow::Result<Recording> {
+    wanted_frames(path, Wanted::Read)
+}
+
+fn wanted_frames(path: &Path, wanted: Wanted) -> anyhow::Result<Recording> {
     let of_ours = || {
         Ok(match Head::read(path)?.has_can {
             true => format!(
@@ -26,7 +36,16 @@ pub fn frames(path: &Path) -> anyhow::Result<Recording> {
             false => "no tactile frames of a daemon and no CAN traffic in it".into(),
         })
     };
-    frames_and_wall_marks(path, || nothing_in(path, of_ours)).map(|(recording, ..)| recording)
+    frames_and_wall_marks(path, wanted, || nothing_in(path, of_ours)).map(|(recording, ..)| recording)
+}
+
+/// Which frames of a recording are taken.
+#[derive(Clone, Copy, PartialEq)]
+enum Wanted {
+    Every,
+    /// Those with a reading that the frame before did not have: another one has the values of the frame before at the time
+    /// of a tick, which may be behind a mark that they were read before.
+    Read,
 }
 
 /// What a recording without frames has instead: the topics of one that no recorder of ours made, whatever they are called, or
@@ -49,11 +68,20 @@ fn nothing_in(path: &Path, of_ours: impl FnOnce() -> anyhow::Result<String>) -> 
     }
 }
 
-/// The tactile frames that the daemon made, and the marks that people and programs made meanwhile; times of both begin with
-/// the first frame. What was marked last before it holds when it comes, and is marked there.
-pub fn frames_and_marks(path: &Path) -> anyhow::Result<(Recording, Vec<Mark>)> {
+/// The tactile frames that the daemon made of new readings, and the marks that people and programs made meanwhile; times of
+/// both begin with the first frame. What was marked last before it holds when it comes, and is marked there.
+pub fn read_frames_and_marks(path: &Path) -> anyhow::Result<(Recording, Vec<Mark>)> {
+    frames_and_marks(path, Wanted::Read)
+}
+
+/// The marks alone.
+pub fn marks(path: &Path) -> anyhow::Result<Vec<Mark>> {
+    frames_and_marks(path, Wanted::Every).map(|(_, marks)| marks)
+}
+
+fn frames_and_marks(path: &Path, wanted: Wanted) -> anyhow::Result<(Recording, Vec<Mark>)> {
     let of_ours = || Ok("no tactile frames in it, from the first of which marks are counted".into());
-    let (recording, mut marks, began_ns) = frames_and_wall_marks(path, || nothing_in(path, of_ours))?;
+    let (recording, mut marks, began_ns) = frames_and_wall_marks(path, wanted, || nothing_in(path, of_ours))?;
     marks.sort_by_key(|mark| mark.t_ns);
     let early = marks.partition_point(|mark| mark.t_ns < began_ns);
     if early > 0 {
@@ -79,6 +107,7 @@ pub fn frames_and_marks(path: &Path) -> anyhow::Result<(Recording, Vec<Mark>)> {
 /// on that clock, nanoseconds. It is an error that no frame is in a file: `nothing` says so where it is whole.
 fn frames_and_wall_marks(
     path: &Path,
+    wanted: Wanted,
     nothing: impl FnOnce() -> anyhow::Result<String>,
 ) -> anyhow::Result<(Recording, Vec<Mark>, u64)> {
     let name = path.display().to_string();
@@ -86,6 +115,7 @@ fn frames_and_wall_marks(
     let (mut counts, mut times_ns, mut joints) = (Vec::new(), Vec::new(), Vec::new());
     let (mut size, mut rest_ns, mut hand) = (None, None, Hand::default());
     let (mut before, mut began_ns, mut marks) = (0, None, Vec::new());
+    let (mut newest_reading, mut old) = (NewestReading::default(), 0);
     let may_hold = reader.may_hold(Topic::Frames);
     while may_hold && let Some(item) = reader.next_item()? {
         let Item::Message { topic, wall_ns, data } = item else {
@@ -118,6 +148,11 @@ fn frames_and_wall_marks(
             break;
         }
         hand.described_ns = None;
+        let is_read = newest_reading.advances(frame.t_ns, frame.ages_us());
+        if !is_read && wanted == Wanted::Read && began_ns.is_some() {
+            old += 1;
+            continue;
+        }
         began_ns.get_or_insert(wall_ns);
         counts.extend(frame.counts());
         joints.extend(frame.joints());
@@ -140,6 +175,12 @@ fn frames_and_wall_marks(
         }
     };
     tell_frames_before(&name, before);
+    if old > 0 {
+        let frames = if old == 1 { "frame is" } else { "frames are" };
+        remark!(
+            "taxel: {name}: {old} {frames} left out, in which no taxel has a newer reading than in the one before"
+        );
+    }
     if let Some(first_ns) = times_ns.first().copied() {
         times_ns.iter_mut().for_each(|t_ns| *t_ns -= first_ns);
     }
@@ -324,5 +365,67 @@ pub fn tell_frames_before(name: &str, before: u64) {
 fn tell_left_out(name: &str, reader: &RecordingReader) {
     for sentence in reader.left_out() {
         remark!("taxel: {name}: {sentence}");
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use std::fs::File;
+    use taxel_hand::{ForceFrame, Freshness, TactileFrame};
+    use taxel_recorder::{Entry, Preamble, RecordingWriter, event_message, frame_message};
+    use taxel_wire::{Header, RawView, encode_raw_payload};
+
+    const MS: u64 = 1_000_000;
+    /// From the daemon's clock to the wall clock.
+    const WALL_NS: u64 = 1_000_000 * MS;
+
+    #[test]
+    fn a_touch_has_the_frames_of_new_readings_alone() {
+        let dir = tempfile::tempdir().unwrap();
+        let path = dir.path().join("hand.mcap");
+        let file = File::create(&path).unwrap();
+        let mut writer = RecordingWriter::begin(file, &Preamble::default(), 0).unwrap();
+        let mut put = |topic, t_ns: u64, data| {
+            let wall_ns = t_ns + WALL_NS;
+            writer.put(&Entry { topic, wall_ns, data }).unwrap();
+        };
+        // Sweeps each 50 ms, from 10 ms on. A tick at 55 ms finds none behind the mark, one at 210 ms while the hand is silent.
+        let mut payload = Vec::new();
+        for (seq, t_ms, age_ms) in [
+            (0, 10, 0),
+            (1, 55, 45),
+            (2, 60, 0),
+            (3, 110, 0),
+            (4, 210, 100),
+            (5, 260, 0),
+        ] {
+            if seq == 1 {
+                let mark = event_message(event_name(EventKind::Mark), "touch 0", 50 * MS + WALL_NS);
+                put(Topic::Events, 50 * MS, mark);
+            }
+            let (mut tactile, force) = (TactileFrame::new(2), ForceFrame::new(2));
+            (tactile.seq, tactile.t_ns) = (seq, t_ms * MS);
+            tactile.freshness.fill(Freshness::Fresh);
+            tactile.age_ns.fill(age_ms * MS);
+            tactile.age_ns[1] += 5 * MS;
+            encode_raw_payload(&tactile, &force, None, &mut payload).unwrap();
+            let header = Header {
+                t_ns: tactile.t_ns,
+                ..Header::of_frame(&tactile, &force, payload.len())
+            };
+            let data = frame_message(&header, &RawView::decode(&payload).unwrap());
+            put(Topic::Frames, tactile.t_ns, data);
+        }
+        writer.finish().unwrap();
+        let times = |recording: &Recording| -> Vec<u64> {
+            (0..recording.len()).map(|n| recording.t_ns(n) / MS).collect()
+        };
+        let (recording, marks) = read_frames_and_marks(&path).unwrap();
+        assert_eq!(times(&recording), [0, 50, 100, 250]);
+        assert_eq!((marks.len(), marks[0].t_ns), (1, 40 * MS));
+        assert_eq!(super::marks(&path).unwrap(), marks);
+        assert_eq!(times(&read_frames(&path).unwrap()), [0, 50, 100, 250]);
+        assert_eq!(times(&frames(&path).unwrap()), [0, 45, 50, 100, 200, 250]);
     }
 }

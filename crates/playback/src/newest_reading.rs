@@ -5,13 +5,13 @@ const ROUNDING_NS: u64 = 1_000;
 
 /// When the newest reading of the frames so far was received, on the daemon's clock.
 #[derive(Debug, Default)]
-pub(super) struct NewestReading(Option<u64>);
+pub struct NewestReading(Option<u64>);
 
 impl NewestReading {
     /// Whether a frame of this instant, with values of these ages (microseconds, `u32::MAX` where there is none), has a newer
     /// reading than all before. A daemon that ticks faster than its boards speak, or whose boards are silent, makes frames
     /// without one: they have the time of their tick, and the values of the frame before, which may be from before a mark.
-    pub(super) fn advances(&mut self, t_ns: u64, ages_us: impl Iterator<Item = u32>) -> bool {
+    pub fn advances(&mut self, t_ns: u64, ages_us: impl Iterator<Item = u32>) -> bool {
         let Some(age_us) = ages_us.min().filter(|age_us| *age_us < u32::MAX) else {
             return false;
         };
