@@ -87,7 +87,7 @@ struct taxel_message {
     uint16_t header_len;    /* bytes */
     uint16_t type;          /* enum taxel_type, or one of a later version */
     uint16_t flags;         /* enum taxel_flag */
-    uint32_t skipped;       /* messages of this type this reader was not given since its last one */
+    uint32_t skipped;       /* messages of this type this reader was not given since its last one, or first asked */
     uint64_t seq;           /* number of the tactile frame */
     uint64_t t_ns;          /* time of validity, nanoseconds on the clock that HELLO names */
     const uint8_t *payload; /* in the caller's buffer; text is not terminated by a zero */

@@ -100,7 +100,7 @@ class Header(NamedTuple):
     t_ns: int
     """Time of validity, nanoseconds on the clock that HELLO names."""
     skipped: int
-    """Messages of this type that this reader was not given since its last one."""
+    """Messages of this type that this reader was not given since its last one or, in the first, since it asked."""
 
     def has(self, flag: int) -> bool:
         """Whether a flag is set, such as FLAG_CALIBRATING."""
@@ -150,7 +150,7 @@ class Image(NamedTuple):
 
     @property
     def skipped(self) -> int:
-        """Images that this reader was not given since its last one."""
+        """Images that this reader was not given since its last one or, in the first, since it asked."""
         return self.header.skipped
 
     @property

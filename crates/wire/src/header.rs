@@ -76,7 +76,7 @@ impl Flags {
     pub const CALIBRATING: Self = Self(1 << 2);
     /// At least one value was repaired in this frame: unwrapped, or a glitch held back.
     pub const REPAIRED: Self = Self(1 << 3);
-    /// This reader was not given at least one image since its last message of this type; set with
+    /// This reader was not given at least one message of this type before this one; set with
     /// [`Header::skipped`].
     pub const GAP: Self = Self(1 << 4);
     /// At least one usable taxel reads an end of its range: it may be pressed harder than it can tell.
@@ -168,7 +168,7 @@ pub struct Header {
     pub seq: u64,
     /// Time of validity of that frame, nanoseconds on the clock that HELLO names.
     pub t_ns: u64,
-    /// How many messages of this type the reader was not given since its last one.
+    /// How many messages of this type the reader was not given since its last one or, in the first, since it asked for them.
     pub skipped: u32,
 }
 

@@ -39,7 +39,7 @@ class Image:
     missing: int
     """Taxels whose value is missing or stale."""
     skipped: int = 0
-    """Images that this reader was not given since its last one."""
+    """Images that this reader was not given since its last one or, in the first, since it asked."""
     flags: int = 0
     """Bits of the header; docs/wire.md, "The header"."""
 

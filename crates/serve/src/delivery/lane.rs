@@ -26,8 +26,10 @@ pub(crate) struct Lane {
     descriptor: RefCell<Option<Arc<OwnedFd>>>,
     /// Counts of the subscriber, and of all together.
     counts: [Arc<Sent>; 2],
-    /// Tick of the last message sent, for the count of those skipped in the header of the next; 0 before the first.
+    /// Tick of the last message sent; 0 before the first.
     last: Cell<u64>,
+    /// Tick after which messages are asked for, of which the header of the first says how many were skipped.
+    begun: Cell<u64>,
     /// Tick up to which messages are none of this subscriber's: they came before it asked.
     before: Cell<u64>,
     /// Which messages are this subscriber's at the rate it asked for.
@@ -45,6 +47,7 @@ impl Lane {
             descriptor: RefCell::new(socket.descriptor()),
             counts,
             last: Cell::new(0),
+            begun: Cell::new(0),
             before: Cell::new(0),
             pace: Cell::default(),
             is_free: Cell::new(false),
@@ -93,13 +96,14 @@ impl Lane {
         self.last.get() == 0
     }
 
-    /// The header of a message for this subscriber, with how many it was not sent since the one before; `None` where
-    /// there is no message.
+    /// The header of a message for this subscriber, with how many it was not sent since the one before, or since it asked;
+    /// `None` where there is no message.
     pub(crate) fn header(&self, message: &Message) -> Option<[u8; HEADER_LEN]> {
-        let skipped = match self.last.get() {
-            0 => 0,
-            last => message.tick.saturating_sub(last + 1),
+        let before = match self.last.get() {
+            0 => self.begun.get(),
+            last => last,
         };
+        let skipped = message.tick.saturating_sub(before + 1);
         let header = message.header?.with_skipped(skipped.min(u32::MAX.into()) as u32);
         Some(header.to_bytes())
     }
@@ -116,6 +120,7 @@ impl Lane {
 
     /// Messages after this tick are asked for from now on.
     pub(crate) fn begin(&self, tick: u64) {
+        self.begun.set(tick);
         self.counts[0].begin(Instant::now(), tick);
     }
 

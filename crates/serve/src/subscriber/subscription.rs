@@ -144,6 +144,8 @@ impl<M: ProfileMaker> Subscriber<'_, M> {
         match (self.wants.image, wants.image) {
             (true, false) => self.image_lane.end(self.newest_tick()),
             (false, true) => self.image_lane.begin(self.newest_tick()),
+            // What it asks for now may be the first that it asked for at all.
+            (true, true) if self.image_lane.is_untouched() => self.image_lane.begin(self.newest_tick()),
             _ => {}
         }
         if wants.status && !self.wants.status {

@@ -116,6 +116,18 @@ fn nothing_is_counted_as_skipped_that_was_made_before_it_was_asked_for_or_not_as
 }
 
 #[test]
+fn the_first_image_says_how_many_were_skipped_since_it_asked_and_none_of_before() {
+    on_stage(async |mut stage| {
+        stage.publish(50);
+        let mut reader = Reader::connect(&stage.path, Subscribe::default()).await;
+        // The server has no time for what is made.
+        stage.publish(5);
+        assert_eq!(reader.read(1).await, [Got::Image(54, 4)]);
+        assert_eq!(stage.server.roster().sent_status().skipped, 4);
+    });
+}
+
+#[test]
 fn nothing_is_counted_as_skipped_to_who_begins_before_a_new_profile_has_an_image() {
     async fn state(mut subscriber: Subscriber, wants: Subscribe) -> Subscriber {
         let stated = move || {
