@@ -1,3 +1,4 @@
+mod allegro;
 mod boards;
 mod daemon;
 mod hand;

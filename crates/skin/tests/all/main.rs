@@ -19,3 +19,4 @@ mod recognise;
 mod start_sequences;
 mod support;
 mod sweep;
+mod sweep_config;
