@@ -149,6 +149,11 @@ pub(crate) trait BoardProtocol: Sync {
         false
     }
 
+    /// The same, or whether it may be so: it is not missed where a layout leaves it out.
+    fn may_be_temperature(&self, k: u16, icub: Option<&IcubSetup>) -> bool {
+        self.is_temperature(k, icub)
+    }
+
     /// Whether a reading is at the end of its range, but not that of a silent chip. It has a count of 0 or 65535 then, if
     /// only on an axis that is not measured.
     fn is_saturated(&self, reading: &TaxelReading) -> bool {

@@ -28,7 +28,8 @@ impl RecognisedBoard {
             sent.any(|own| own == k || frame.is_some() && self.protocol.frame_id(self.board, own) == frame)
         };
         let silent: Vec<u16> = taxels.iter().copied().filter(|k| !is_heard(*k)).collect();
-        let is_read = |k: u16| taxels.contains(&k) || self.protocol.0.is_temperature(k, wiring.icub.as_ref());
+        let (kind, icub) = (self.protocol.0, wiring.icub.as_ref());
+        let is_read = |k: u16| taxels.contains(&k) || kind.may_be_temperature(k, icub);
         let unread = self.taxels.iter().filter(|k| !is_read(u16::from(**k))).count();
         let fits = is_same_kind && are_few(silent.len(), taxels.len());
         fits.then_some(Fit { silent, unread })

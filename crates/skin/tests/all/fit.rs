@@ -44,7 +44,16 @@ fn a_board_fits_a_module_of_its_kind_of_whose_taxels_few_are_silent() {
     // Which pads of a triangle are taxels is a guess; what was heard is the triangle.
     let pads = (0..12).filter(|k| !matches!(k, 6 | 10)).collect::<Vec<u8>>();
     let palm = "[0, 1, 2, 3, 4, 5, 6, 7, 8, 9, 10]]\nicub = { skin_type = 1 }\nrotation = 0 # [";
-    assert_eq!(fit("icub-mtb3", pads, "icub-mtb4", palm), Some((vec![], 0)));
+    assert_eq!(
+        fit("icub-mtb3", pads.clone(), "icub-mtb4", palm),
+        Some((vec![], 0))
+    );
+    let fingertip = "[0, 1, 2, 3, 4, 5, 6, 7, 8, 9, 10, 11]]\nicub = { skin_type = 1 }\nrotation = 0 # [";
+    assert_eq!(fit("icub-mtb3", pads, "icub-mtb4", fingertip), Some((vec![], 0)));
+    // The last triangle of a palm, without its thermal pad.
+    let pads = (132..144).collect::<Vec<u8>>();
+    let palm = "[132, 133, 134, 135, 136, 137, 138, 140, 141, 142, 143]]\nicub = { skin_type = 1 }\nrotation = 0 # [";
+    assert_eq!(fit("icub-mtb3", pads, "icub-mtb3", palm), Some((vec![], 0)));
 }
 
 #[test]

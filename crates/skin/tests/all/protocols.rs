@@ -63,24 +63,44 @@ fn a_triangle_comes_in_two_frames_and_its_thermal_pads_are_no_taxels() {
 }
 
 #[test]
-fn palms_and_fingertips_have_eleven_taxels_and_one_thermal_pad() {
-    let text = "name = \"tip\"\nimage = { width = 11, height = 1 }\nbuses = [\"can0\"]\n[[module]]\nname = \"tip\"\n\
-                part = \"p\"\nbus = \"can0\"\nboard = 14\nprotocol = \"icub-mtb3\"\nicub = { skin_type = 1 }\n\
-                at = [0, 0]\norder = [[0, 1, 2, 3, 4, 5, 6, 7, 8, 9, 10]]\n";
-    let layout = Layout::parse(text, "tip.toml").unwrap();
-    let mut decoder = Decoder::new(&layout, 0);
-    let (_, values) = decode(&mut decoder, &layout, "4E0#C0F5F5F5F5800000");
-    assert_eq!(values.iter().map(|v| v.0).collect::<Vec<_>>(), [7, 8, 9, 10]);
-    assert_eq!(decoder.auxiliary(0, 11), Some(0x80));
-    for (text, k) in [
-        (text.replace("10]]", "11]]"), 11),
-        (text.replace("skin_type = 1", "skin_type = 0"), 6),
+fn which_pads_of_a_board_are_taxels_depends_on_what_is_mounted() {
+    let tip = |skin_type: u8, order: &str| {
+        format!(
+            "name = \"tip\"\nimage = {{ width = 12, height = 1 }}\nbuses = [\"can0\"]\n[[module]]\nname = \"tip\"\n\
+             part = \"p\"\nbus = \"can0\"\nboard = 14\nprotocol = \"icub-mtb3\"\nicub = {{ skin_type = {skin_type} }}\n\
+             at = [0, 0]\norder = [[{order}]]\n"
+        )
+    };
+    // All twelve pads of a fingertip feel, and of a palm those that are no thermal pads.
+    let fingertip = Layout::parse(&tip(1, "0, 1, 2, 3, 4, 5, 6, 7, 8, 9, 10, 11"), "tip.toml").unwrap();
+    let mut decoder = Decoder::new(&fingertip, 0);
+    let (_, values) = decode(&mut decoder, &fingertip, "4E0#C0F5F5F5F5800000");
+    assert_eq!(values.iter().map(|v| v.0).collect::<Vec<_>>(), [7, 8, 9, 10, 11]);
+    let palm = Layout::parse(&tip(1, "132, 133, 137, 138, 140, 141, 142, 143"), "tip.toml").unwrap();
+    let mut decoder = Decoder::new(&palm, 0);
+    let (_, values) = decode(&mut decoder, &palm, "4EB#C080F5F5F5F50000");
+    assert_eq!(
+        values.iter().map(|v| v.0).collect::<Vec<_>>(),
+        [140, 141, 142, 143]
+    );
+    assert_eq!(decoder.auxiliary(0, 139), Some(0x80));
+    // Compensation, second version of it, none, a test; a hand's fingertips come first.
+    for (skin_type, order, refused) in [
+        (0, "5, 6", Some(6)),
+        (8, "9, 10", Some(10)),
+        (2, "5, 6, 10", None),
+        (7, "5, 6, 10", None),
+        (3, "54, 58", None),
+        (3, "65, 66", Some(66)),
     ] {
-        let error = Layout::parse(&text, "tip.toml").unwrap_err().to_string();
-        assert!(
-            error.contains(&format!("its order has {k}, which measures temperature")),
-            "{error}"
-        );
+        match (Layout::parse(&tip(skin_type, order), "tip.toml"), refused) {
+            (Ok(layout), None) => assert_eq!(layout.k_of(&layout.modules[0]).len(), order.split(',').count()),
+            (Err(error), Some(k)) => {
+                let wanted = format!("its order has {k}, which measures temperature");
+                assert!(error.to_string().contains(&wanted), "{error}");
+            }
+            (parsed, _) => panic!("skin_type {skin_type}, {order}: {parsed:?}"),
+        }
     }
 }
 

@@ -124,7 +124,7 @@ impl Icub {
             skin_type: self.skin_type,
             ..self.setup
         };
-        setup.is_thermal(pad as u8)
+        setup.may_be_thermal(pad as u8)
     }
 
     fn temperature(&self, place: usize, t_ns: u64) -> u8 {

@@ -109,6 +109,10 @@ impl BoardProtocol for Icub {
         icub.is_some_and(|setup| setup.is_thermal(k as u8))
     }
 
+    fn may_be_temperature(&self, k: u16, icub: Option<&IcubSetup>) -> bool {
+        icub.is_some_and(|setup| setup.may_be_thermal(k as u8))
+    }
+
     fn is_saturated(&self, reading: &TaxelReading) -> bool {
         reading.status & ICUB_OUT_OF_RANGE != 0
     }

@@ -62,7 +62,7 @@ pub(crate) fn take_boards(heard: &mut HeardIds, bus: &mut RecognisedBus) {
         });
     }
     bus.doubts.push(
-            "pads 6 and 10 of each triangle are taken as thermal ones; of palms and fingertips it is pad 11 (skin_type 1)".into(),
+            "pads 6 and 10 of each triangle are taken as thermal ones; a palm has others, a fingertip none (skin_type 1)".into(),
         );
     bus.doubts.push(
             "how the boards were configured is not in their frames; taxeld configures them with the defaults of `icub` \

@@ -46,14 +46,27 @@ impl IcubSetup {
         (self.shift > 15).then(|| format!("icub.shift = {} is not 0 to 15", self.shift))
     }
 
-    /// Whether pad `k` (`triangle * 12 + pad`) measures temperature: pads 6 and 10 of a triangle,
-    /// pad 11 on palms and fingertips (docs/protocols.md, "iCub frames").
+    /// Whether pad `k` (`triangle * 12 + pad`) is known to measure temperature: pads 6 and 10 of a triangle that is
+    /// compensated by them (docs/protocols.md, "iCub frames").
     pub const fn is_thermal(&self, k: u8) -> bool {
+        let (triangle, pad) = (k / PADS, k % PADS);
+        let is_compensated = match self.skin_type {
+            0 | 8 => true,
+            // Fingertips come first.
+            3 => triangle > 4,
+            _ => false,
+        };
+        is_compensated && (pad == 6 || pad == 10)
+    }
+
+    /// Whether pad `k` measures temperature or may do so, depending on what is mounted: on a palm, pad 11 and one more.
+    pub const fn may_be_thermal(&self, k: u8) -> bool {
+        const OF_PALM: u8 = 11 * PADS + 7;
         let pad = k % PADS;
-        if self.skin_type == 1 {
-            pad == 11
-        } else {
-            pad == 6 || pad == 10
+        match self.skin_type {
+            1 => pad == 11 || k == OF_PALM,
+            2 | 7 => pad == 6 || pad == 10,
+            _ => self.is_thermal(k),
         }
     }
 }
