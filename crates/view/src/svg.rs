@@ -23,10 +23,12 @@ pub fn svg(buffer: &Buffer) -> String {
 fn write_svg(buffer: &Buffer, out: &mut String) -> std::fmt::Result {
     let (columns, rows) = (usize::from(buffer.area.width), usize::from(buffer.area.height));
     let (width, height) = (columns * CELL.0, rows * CELL.1);
+    // Blanks are kept as they are: what browsers go by is the style, others by the attribute.
     writeln!(
         out,
         "<svg xmlns=\"http://www.w3.org/2000/svg\" viewBox=\"0 0 {width} {height}\" width=\"{width}\" \
-         font-family=\"monospace\" font-size=\"13\" xml:space=\"preserve\">\n<rect width=\"{width}\" height=\"{height}\" fill=\"{GROUND}\"/>"
+         font-family=\"monospace\" font-size=\"13\" xml:space=\"preserve\">\n\
+         <style>text{{white-space:pre}}</style>\n<rect width=\"{width}\" height=\"{height}\" fill=\"{GROUND}\"/>"
     )?;
     for (row, cells) in buffer.content().chunks(columns).enumerate() {
         let mut column = 0;
@@ -124,6 +126,7 @@ mod tests {
         let svg = svg(&buffer);
         for part in [
             "viewBox=\"0 0 80 32\"",
+            "xml:space=\"preserve\">\n<style>text{white-space:pre}</style>\n",
             "<rect x=\"0\" y=\"0\" width=\"16\" height=\"8\" fill=\"#ff0000\"/>",
             "<text x=\"16\" y=\"12\" textLength=\"32\" fill=\"#ff0000\"> a&lt;b</text>",
             "<rect x=\"16\" y=\"16\" width=\"8\" height=\"16\" fill=\"#0000ff\"/>",
