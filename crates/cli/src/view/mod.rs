@@ -83,7 +83,7 @@ pub(crate) struct Args {
     /// Do not draw; print one JSON object in the end
     #[arg(long, conflicts_with_all = ["svg", "size"])]
     json: bool,
-    /// With --svg: columns and rows of that picture
+    /// With --svg: columns and rows of that picture, each 20 to 1000
     #[arg(long, value_name = "WxH", default_value = "120x40", value_parser = size, requires = "svg")]
     size: (u16, u16),
 }
@@ -99,7 +99,7 @@ fn size(text: &str) -> Result<(u16, u16), String> {
     let side = |text: &str| text.parse().ok().filter(|side| (20..=1000).contains(side));
     sides
         .and_then(|(width, height)| Some((side(width)?, side(height)?)))
-        .ok_or_else(|| format!("{text} is no size of a terminal; give columns x rows, such as 120x40"))
+        .ok_or_else(|| format!("{text} is no size; give columns x rows, each 20 to 1000, such as 120x40"))
 }
 
 impl Sheet<'_> {
